@@ -242,6 +242,11 @@ def test_a_stuck_sensor_keeps_what_it_had_and_a_false_velocity_covers_ground() -
     turning = ImuTruth(rate_radps=(0.1, 0.0, 0.0), specific_force_mps2=(0.0, 0.0, -9.8))
     assert still(turning, 1.0) == still(replace(turning, rate_radps=(0.0, 0.3, 0.0)), 2.0) == turning
     assert same(PingTruth(2.0), 1.0) == same(PingTruth(1.0), 2.0) == PingTruth(2.0)
+    stays = altered_truth("dvl75", [FaultSpec("velocity_stuck", ("dvl75",), 0.0)])
+    stays(DVL, 1.0)
+    lied = stays(replace(DVL, velocity_mps=(-0.2, 0.1, 0.0)), 3.0)
+    assert (lied.velocity_mps, lied.frozen) == (DVL.velocity_mps, False)
+    assert lied.travel_m == pytest.approx((1.6, 0.0, 0.2))
     biased(DVL, 1.0)
     assert biased(replace(DVL, velocity_mps=(0.0, 0.0, 0.1)), 3.0).travel_m == pytest.approx((1.5, 0.0, 0.2))
 

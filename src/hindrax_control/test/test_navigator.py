@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from navigator_ride import CENTERED, FIELD_T, HOVER, MOUNTED, FLOOR_m, Ride, part, rms
 
+from hindrax_control.navigation.estimator_health import EstimatorHealthKnobs
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_control.testing.motion import vector
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
@@ -419,6 +421,28 @@ def test_a_velocity_that_repeats_itself_is_no_bottom_lock_but_for_rest(velocity:
             ride.tell(t, BottomVelocity(velocity, 0.01, 1.0, 0.1, number), "dvl75")
     assert ride.out[-1].reading.dvl_locked is locked
     assert any(one.reading.dvl_locked for one in ride.out)
+
+
+@pytest.mark.parametrize(
+    ("share", "late_s", "hung"), [(0.0, 0.0, True), (1.0, 0.0, False), (1.0, 0.1, False), (0.7, 0.0, False)]
+)
+def test_a_dvl_that_hangs_with_live_noise_is_contradicted_and_one_that_is_late_or_scaled_is_not(
+    share: float, late_s: float, hung: bool
+) -> None:
+    """Each velocity is within the gate; what they are off by has one sign, and the offset of the filter learned it."""
+    ride, noise = Ride(), np.random.default_rng(3).normal(0.0, 0.01, 400)
+    most = 0
+    for number in range(1, 1500):
+        t = number * 0.005
+        gathers_s = min(max(t - 6.0, 0.0), 1.2)
+        pushed = 0.0 < gathers_s < 1.2
+        ride.tell(t, Inertial((0.35 * pushed, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        if number % 10 == 0 and t > 3.0:
+            ahead = 0.35 * share * min(max(t - 0.025 - late_s - 6.0, 0.0), 1.2)
+            velocity = (ahead + float(noise[number // 10]), 0.0, 0.0)
+            ride.tell(t, BottomVelocity(velocity, 0.01, 1.0, 0.05, number), "dvl75")
+            most = max(most, ride.out[-1].reading.consistency.refused_velocities)
+    assert (most >= EstimatorHealthKnobs().refused_velocities) is hung
 
 
 @pytest.mark.parametrize(("noise_mps", "assumed"), [(0.0, False), (0.001, True)])

@@ -163,7 +163,8 @@ class Aiding:
         self._compare_sinking((u, v, w), valid_s)
         (a, b, c), (d, e, f), _ = self.attitude.rotation
         self.gain.measured(complex(a * u + b * v + c * w, d * u + e * v + f * w), valid_s)
-        return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated)
+        still = self.gain.shows_little
+        return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated, still=still)
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
         """Compare the way down by the DVL with that by pressure and accelerometer."""

@@ -23,6 +23,8 @@ Row: TypeAlias = tuple[float, float, float, float, float, float, float, float]
 """Time [s]; sums of du and dv [m/s]; their integrals [m]; angle turned about x, y, z [rad]."""
 
 LEAST_SPAN_S = 0.001
+LEAN_S, LEAN_SAMPLES = 0.5, 8
+"""Time and velocities, at least, over which the mean innovation is taken."""
 MOST_SURPLUS = 80
 """Refused velocities that are remembered: ten seconds of good ones make up for a DVL that hung for an hour."""
 
@@ -33,6 +35,9 @@ class HorizontalKnobs(FilterKnobs):
 
     offset_mps2: float = knob(0.3, 0.0, 5.0, "uncertainty of the acceleration offset at the start [m/s^2]")
     offset_walk: float = knob(0.02, 0.0, 1.0, "random walk of that offset [m/s^2/sqrt(s)]")
+    lean_sigmas: float = knob(
+        2.0, 0.5, 100.0, "mean innovation of a DVL that shows no change, above which it hangs [-]"
+    )
     memory_s: float = knob(1.0, 0.1, 10.0, "oldest DVL sample that can still be fused [s]")
 
 
@@ -54,6 +59,8 @@ class HorizontalFilter:
         self._knobs = knobs
         self._offset = (0.0, 0.0)
         self._p, self._p_cross, self._p_offset = 1.0, 0.0, knobs.offset_mps2**2
+        self._lean_u = self._lean_v = 0.0
+        self._fused_s = -math.inf
         self._refused = 0
         self.refused = 0
         """Recent surplus of refused over accepted velocities."""
@@ -133,13 +140,23 @@ class HorizontalFilter:
         return (a, b, c, d, e, f, g, h)
 
     def fuse(
-        self, u_mps: float, v_mps: float, sigma_mps: float, way: PredictedInterval, *, repeated: bool = False
+        self,
+        u_mps: float,
+        v_mps: float,
+        sigma_mps: float,
+        way: PredictedInterval,
+        *,
+        repeated: bool = False,
+        still: bool = False,
     ) -> bool:
         """Fuse a velocity of the body origin that was the mean over a way.
 
         Correction of the Kalman filter with h = [1, -delay]: `at_u` and `at_offset` are P h', `variance` is h P h' + R.
         Both axes have one P, so both are refused if one is off. Many refusals in a row mean that the filter is wrong,
         unless the value is `repeated`: then P grows by what they were off by, and the next one is taken.
+
+        A sensor that hangs with live noise stays within that gate: each velocity is a little off, to the same side, and
+        the offset learns the difference. So the mean innovation counts as well, where the sensor is `still`.
 
         Parameters
         ----------
@@ -151,6 +168,8 @@ class HorizontalFilter:
             What the filter predicts of the interval.
         repeated
             Whether the sensor has repeated its last value.
+        still
+            Whether it shows far less change of velocity than the accelerometer.
 
         Returns
         -------
@@ -163,8 +182,10 @@ class HorizontalFilter:
         at_u, at_offset = p - delay * cross, cross - delay * offset
         variance = at_u - delay * at_offset + sigma_mps * sigma_mps
         off_u, off_v = u_mps - (self.u_mps - way.du_mps), v_mps - (self.v_mps - way.dv_mps)
+        leans = self._leans(off_u / math.sqrt(variance), off_v / math.sqrt(variance))
         # The first velocity is taken as it is: nothing is known that it could contradict.
-        if self.known and max(off_u * off_u, off_v * off_v) > self._knobs.gate**2 * variance:
+        beyond = max(off_u * off_u, off_v * off_v) > self._knobs.gate**2 * variance
+        if self.known and (beyond or (still and leans)):
             return self._refuse(off_u, off_v, repeated=repeated)
         self.known = True
         self._refused, self.refused = 0, max(0, self.refused - 1)
@@ -175,12 +196,22 @@ class HorizontalFilter:
         self._p, self._p_cross, self._p_offset = p - k * at_u, cross - k * at_offset, offset - k_offset * at_offset
         return True
 
+    def _leans(self, sigmas_u: float, sigmas_v: float) -> bool:
+        """Whether the innovations, in deviations, have one sign for so long that their mean stands out."""
+        now_s, gate = self._rows[-1][0], self._knobs.gate
+        share = min(-math.expm1((self._fused_s - now_s) / LEAN_S), 1.0 / LEAN_SAMPLES) if self.known else 0.0
+        self._fused_s = now_s
+        # One blow or outlier is the gate's; it counts for no more than that here.
+        self._lean_u += share * (min(gate, max(-gate, sigmas_u)) - self._lean_u)
+        self._lean_v += share * (min(gate, max(-gate, sigmas_v)) - self._lean_v)
+        return max(abs(self._lean_u), abs(self._lean_v)) > self._knobs.lean_sigmas
+
     def _refuse(self, off_u: float, off_v: float, *, repeated: bool) -> bool:
         self.refused = min(MOST_SURPLUS, self.refused + 1)
         # A sensor that hangs repeats one value: any number of equal ones must not outvote the filter.
         self._refused += not repeated
         if self._refused >= self._knobs.patience:
-            self._refused = 0
+            self._refused, self._lean_u, self._lean_v = 0, 0.0, 0.0
             # Not the state jumps, its certainty ends: the next velocity then counts nearly alone.
             self._p += max(off_u * off_u, off_v * off_v)
         return False

@@ -14,7 +14,7 @@ is the scale of the DVL times e^(i mount), because a turn about the vertical and
 
 Both sides err: a vehicle that turns on the spot carries the offset of its accelerometer around, so that x is all error,
 and a slope over x would be zero. So c is told only where both x and y show a push and follow each other, and turning is
-left out. A DVL that shows nothing at all is no case for it: frozen and silent ones are noticed elsewhere.
+left out. A DVL that shows nothing at all is no case for c; `shows_little` says of the last window whether it does.
 """
 
 import cmath
@@ -34,6 +34,9 @@ LEAST_PUSH_mps = 0.04
 """Root mean square of x and of y from which c is told."""
 LEAST_COHERENCE = 0.85
 """|E[x* y]|^2 / (E[x* x] E[y* y]) from which x and y follow each other."""
+
+LITTLE = 0.5
+"""|y| / |x| below which a DVL shows little of what the accelerometer does."""
 
 
 class Gain(NamedTuple):
@@ -97,6 +100,14 @@ class VelocityGain:
         self._xx, self._yy = forget * self._xx + abs(x) ** 2, forget * self._yy + abs(y) ** 2
         self._xy = forget * self._xy + x.conjugate() * y
         self.gain = self._slope()
+
+    @property
+    def shows_little(self) -> bool:
+        """Whether the DVL's velocity changed by far less than that by the accelerometer, in the last window.
+
+        So it is with one that hangs; and at rest, where x is but an offset: alone it proves nothing.
+        """
+        return abs(self._y) < LITTLE * abs(self._x)
 
     def _slope(self) -> Gain:
         """The gain c of the module's head; unknown where x or y shows no push, or they do not follow each other.

@@ -118,6 +118,9 @@ KINDS = (
     FaultKind("velocity_bias", "0.25 m/s of bias forward", on_truth=truth.velocity_bias, measuring="velocity"),
     FaultKind("velocity_frozen", "the velocity freezes", on_truth=truth.velocity_frozen, measuring="velocity"),
     FaultKind(
+        "velocity_stuck", "the velocity stays, with its noise", on_truth=truth.velocity_stuck, measuring="velocity"
+    ),
+    FaultKind(
         "false_lock",
         "locked on something that moves with the vehicle",
         on_truth=truth.false_lock,

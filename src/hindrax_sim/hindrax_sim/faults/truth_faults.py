@@ -106,6 +106,11 @@ def velocity_frozen(truth: DvlTruth, _was: DvlTruth, _dt_s: float) -> DvlTruth:
     return replace(truth, frozen=True)
 
 
+def velocity_stuck(truth: DvlTruth, was: DvlTruth, dt_s: float) -> DvlTruth:
+    """The tracking of the echo hangs: the velocity stays, while noise and times go on."""
+    return replace(truth, velocity_mps=was.velocity_mps, travel_m=plus(was.travel_m or NOWHERE, was.velocity_mps, dt_s))
+
+
 def false_lock(truth: DvlTruth, was: DvlTruth, _dt_s: float) -> DvlTruth:
     """The DVL is locked on something near that moves along: a cable, a plume of bubbles."""
     return replace(truth, velocity_mps=(0.0, 0.0, 0.0), travel_m=was.travel_m or NOWHERE, altitude_m=NEAR_m)
