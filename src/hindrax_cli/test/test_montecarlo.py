@@ -7,11 +7,12 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
-from hindrax_analysis.identification.executor import run_all
+from hindrax_analysis.identification.executor import Workers, run_all
 from hindrax_analysis.identification.montecarlo import (
     CoefficientError,
     DragError,
@@ -22,6 +23,7 @@ from hindrax_analysis.identification.montecarlo import (
     tabulate,
 )
 from hindrax_cli.command_line import main
+from hindrax_core import errors
 
 
 def trial(seed: int, error: float, std: float = 1.0) -> Trial:
@@ -86,7 +88,7 @@ def test_the_command_flies_and_compares(capsys: pytest.CaptureFixture[str]) -> N
 
 INTERRUPTED = """
 import time
-from hindrax_analysis.identification.executor import run_all
+from hindrax_analysis.identification.executor import Workers, run_all
 if __name__ == "__main__":
     try:
         print("starting", flush=True)
@@ -116,3 +118,18 @@ def test_ctrl_c_ends_the_workers_without_a_word_of_their_own(moment: str, later_
         printed, complaints = child.communicate(timeout=50.0)
     assert complaints == ""
     assert printed.endswith("interrupted\n")
+
+
+@pytest.mark.parametrize("done", [2, 0])
+def test_ctrl_c_after_hours_shows_the_runs_that_are_done(
+    done: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_workers: Workers, jobs: Sequence[object]) -> Iterator[Trial]:
+        yield from (trial(seed, 1.0) for seed in range(1, done + 1))
+        assert len(jobs) > done
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Workers, "run", interrupted)
+    assert main(["montecarlo", "--runs", "5", "--dof", "surge", "--json"]) == errors.INTERRUPTED
+    shown = capsys.readouterr().out
+    assert (json.loads(shown)["runs"] if done else shown) == (done or "")

@@ -1,6 +1,7 @@
 """Many runs: `hindrax montecarlo` (accuracy), `faults` (time to neutral) and `bench` (speed)."""
 
 import argparse
+import contextlib
 import pkgutil
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -59,31 +60,47 @@ def montecarlo(arguments: argparse.Namespace) -> int:
         if arguments.excitation != PLATEAUS:
             raise UsageError(f"--session: found --excitation {arguments.excitation}, wanted {PLATEAUS}")
         return _sessions(arguments, servable.flown, seeds)
-    jobs = [partial(trial, seed, *how) for seed in seeds]
-    trials = _results_of("run", jobs, arguments)
-    document = summary(trials)
-    if not document["cells"]:
-        raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
-    return print_answer(document, lambda: print_montecarlo(document, whole=arguments.all), as_json=arguments.json)
+
+    def show(trials: Sequence[Trial]) -> int:
+        document = summary(trials)
+        if not document["cells"]:
+            raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
+        return print_answer(document, lambda: print_montecarlo(document, whole=arguments.all), as_json=arguments.json)
+
+    return _many("run", [partial(trial, seed, *how) for seed in seeds], arguments, show)
 
 
-def _results_of(what: str, jobs: Sequence[Callable[[], OneTrial]], arguments: argparse.Namespace) -> list[OneTrial]:
-    """Results of all jobs; each is reported as it is done."""
+def _many(
+    what: str,
+    jobs: Sequence[Callable[[], OneTrial]],
+    arguments: argparse.Namespace,
+    show: Callable[[Sequence[OneTrial]], int],
+) -> int:
+    """Do all jobs, say of each that it is done, and show them; where they take hours, Ctrl-C shows those that are."""
     trials: list[OneTrial] = []
-    for one in workers_of(arguments).run(jobs):
-        trials.append(one)
-        print_stderr(f"{what} {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}")
-    return trials
+    try:
+        for one in workers_of(arguments).run(jobs):
+            trials.append(one)
+            print_stderr(f"{what} {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}")
+    except KeyboardInterrupt:
+        if trials:
+            with contextlib.suppress(HindraxError):
+                show(trials)
+        raise
+    return show(trials)
 
 
 def _sessions(arguments: argparse.Namespace, motions: tuple[str, ...], seeds: range) -> int:
     """Fly sessions; print the goal beside what was reached."""
+
+    def show(trials: Sequence[SessionTrial]) -> int:
+        document = session_summary(trials)
+        if not document["motions"]:
+            raise HindraxError(f"none of {len(trials)} sessions gave a result: {trials[0].trouble}")
+        return print_answer(document, lambda: print_sessions(document), as_json=arguments.json)
+
     jobs = [partial(session_trial, seed, motions, arguments.vehicle, arguments.world) for seed in seeds]
-    trials = _results_of("session", jobs, arguments)
-    document = session_summary(trials)
-    if not document["motions"]:
-        raise HindraxError(f"none of {len(trials)} sessions gave a result: {trials[0].trouble}")
-    return print_answer(document, lambda: print_sessions(document), as_json=arguments.json)
+    return _many("session", jobs, arguments, show)
 
 
 def print_sessions(document: Document) -> None:
