@@ -157,7 +157,7 @@ def test_a_weighing_that_a_guard_ends_costs_its_gain_and_not_the_session(monkeyp
         ({"seed": 1, "world": "ideal"}, 0.09, "--session --mock --world ideal --vehicle {}/vehicle.yaml --dof heave"),
         (None, 0.09, "pool-test --session --vehicle {}/vehicle.yaml --dof heave"),
         (None, math.nan, "pool-test --session --vehicle {}/vehicle.yaml --dof surge heave"),
-        (None, 0.01, "./hindrax tune {}/coefficients.yaml"),
+        (None, 0.01, "./hindrax tune {0}/coefficients.yaml --vehicle {0}/vehicle.yaml"),
     ],
 )
 def test_the_end_of_a_session_names_the_next_command(mock: object, drag: float, words: str, tmp_path: Path) -> None:
@@ -182,4 +182,5 @@ def test_the_next_command_has_the_words_that_the_session_was_begun_with(more: di
     assert guided_session.next_command(session, RunFolder(Path("/runs/1"))).endswith(words)
     good = replace(session, done=(Step("legs 1", reached={"surge": replace(reached, drag=0.01)}),))
     here = RunFolder(Path.cwd() / "runs" / "1")
-    assert guided_session.next_command(good, here) == "./hindrax tune runs/1/coefficients.yaml"
+    words = "./hindrax tune runs/1/coefficients.yaml --vehicle runs/1/vehicle.yaml"
+    assert guided_session.next_command(good, here) == words

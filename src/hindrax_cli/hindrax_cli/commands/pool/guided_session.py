@@ -351,7 +351,9 @@ def next_command(session: PoolSession, folder: RunFolder) -> str:
     motion, settings = farthest_motion(session), session.settings
     known = any(math.isfinite(one.drag) for one in session.reached.values())
     if motion is None and known:
-        return shlex.join(["./hindrax", "tune", _as_typed(folder.coefficients)])
+        # What no step flew, such as sway after a session of surge, has the numbers of the vehicle file.
+        files = [_as_typed(folder.coefficients), "--vehicle", _as_typed(folder.vehicle)]
+        return shlex.join(["./hindrax", "tune", *files])
     words = ["./hindrax", "pool-test", "--session"]
     if (mock := settings["mock"]) is not None:
         words += ["--mock", *(["--world", mock["world"]] if mock["world"] != "pool" else [])]
