@@ -263,6 +263,17 @@ def test_what_somebody_else_has_armed_is_neither_flown_nor_disarmed() -> None:
     assert bench.wire() == NEUTRAL
 
 
+def test_a_refused_arming_without_a_word_is_told_once_the_word_is_overdue(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench()
+    bench.board.refuses_arming = "Compass not calibrated"
+    monkeypatch.setattr(bench.board, "_text", lambda *_: None)
+    bench.run(3.0)
+    bench.armed = True
+    bench.run(1.0)
+    assert bench.device.fault() == "the autopilot does not arm: answered with result 4"
+    assert not bench.board.armed
+
+
 def test_a_refused_arming_is_told_in_the_autopilot_s_words() -> None:
     bench = Bench()
     bench.board.refuses_arming = "Compass not calibrated"
@@ -270,6 +281,7 @@ def test_a_refused_arming_is_told_in_the_autopilot_s_words() -> None:
     bench.armed = True
     bench.run(1.0)
     assert bench.device.fault() == "the autopilot does not arm: Arm: Compass not calibrated"
+    assert not bench.board.armed
     bench.armed = False
     bench.board.refuses_arming = ""
     bench.run(0.2)

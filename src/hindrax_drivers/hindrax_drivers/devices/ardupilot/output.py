@@ -246,7 +246,7 @@ class ArduSub:
         self._mixer: Mixer | None = None
         self._motors: tuple[Motor, ...] = ()
         self._named: dict[str, float] = {}
-        self._last_text = ""
+        self._last_text = self._unexplained = ""
         self._restarted = self._seen_armed = self._tested = False
         self._clock.restart()
         self._boot_us = self._overflows = self._tries = 0
@@ -377,7 +377,9 @@ class ArduSub:
     def _on_text(self, message: StatusText, stamp: Stamp) -> list[Output]:
         if message.severity <= SEVERITY_WARNING:
             self._last_text = message.text
-            return [Trouble(stamp, f"ardusub: {message.text}")]
+            trouble = Trouble(stamp, f"ardusub: {message.text}")
+            waited_for = self._unexplained and self._phase is Phase.ARMING
+            return [trouble, *(self._refuse(message.text, stamp) if waited_for else ())]
         return [Stamped(stamp, DeviceText(message.text))]
 
     def _on_clock(self, boot_us: int, stamp: Stamp) -> list[Output]:
@@ -464,7 +466,7 @@ class ArduSub:
     # ---- arming and disarming
 
     def _begin(self, stamp: Stamp) -> list[Output]:
-        beat, self._ended, self._last_text = self._link.beat, "", ""
+        beat, self._ended, self._last_text, self._unexplained = self._link.beat, "", "", ""
         busy = [why for name, why in BUSY.items() if self._named.get(name)]
         if beat is not None and beat.armed:
             return self._refuse("it is armed already, by another ground station; disarm it there", stamp)
@@ -488,6 +490,8 @@ class ArduSub:
         if self._phase is Phase.LEAVING and beat is not None and not beat.armed and self._link.beat_at > self._step_at:
             self._phase, self._owned = Phase.IDLE, False
             return []
+        if self._unexplained and self._phase is Phase.ARMING:
+            return self._refuse(self._unexplained, stamp)
         if self._tries >= ATTEMPTS:
             return self._give_up(stamp)
         self._tries, self._step_at = self._tries + 1, stamp
@@ -517,7 +521,10 @@ class ArduSub:
                 self._phase, self._owned = Phase.IDLE, False
         elif answer.result != ACCEPTED:
             what = "MANUAL: " if answer.command == SET_MODE else ""
-            return self._refuse(f"{what}{self._last_text or f'answered with result {answer.result}'}", stamp)
+            if self._last_text:
+                return self._refuse(f"{what}{self._last_text}", stamp)
+            # ArduSub queues the text that says why behind its answer.
+            self._unexplained, self._step_at = f"{what}answered with result {answer.result}", stamp
         elif answer.command == SET_MODE:
             self._tries = 0
         else:

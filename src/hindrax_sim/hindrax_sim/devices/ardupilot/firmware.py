@@ -127,6 +127,7 @@ class ArduSub(Part[AutopilotTruth]):
         self.unsupported: set[int] = set()
         """Commands that this firmware does not know."""
         self.version = VERSION
+        self._texts: list[Fields] = []
         self._random = np.random.default_rng(seed)
         self._commands: Mapping[int, Callable[[tuple[float, ...], _Channel], int]] = {
             176: self._set_mode,
@@ -176,6 +177,9 @@ class ArduSub(Part[AutopilotTruth]):
             return b""
         self._check_failsafes()
         self._output()
+        texts, self._texts = self._texts, []
+        for text in texts:
+            self._send_all(253, text)
         if now_s >= self._beat_s:
             self._beat_s += 1.0
             self._send_all(0, self._heartbeat())
@@ -280,7 +284,8 @@ class ArduSub(Part[AutopilotTruth]):
             self._send(channel, number, values)
 
     def _text(self, severity: int, text: str) -> None:
-        self._send_all(253, (severity, text.encode()[:50], 0, 0))
+        """Queued, as in ArduSub: the answer to a command comes before the text that says why."""
+        self._texts.append((severity, text.encode()[:50], 0, 0))
 
     # ---- commands
 
