@@ -24,6 +24,8 @@ MOST_THRUSTERS = 16
 USUAL_V = 14.8
 """Four lithium cells, nominal."""
 
+VEHICLE_OF_FRAME: Mapping[int, str] = {1: "bluerov2", 2: "bluerov2-heavy"}
+"""Frame of ArduSub -> vehicle in the box: only for these a file can be made."""
 OF_OUTPUT: Mapping[str, tuple[str, ...]] = {"ardusub": ("ardusub", "ardusub_ekf", "ardusub_range")}
 """Kinds of sensors that an output has on its own line."""
 LAST_LINE = 127

@@ -14,10 +14,8 @@ from pathlib import Path
 
 from hindrax_analysis.records.ardupilot_log import read_starts
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Thruster, Vehicle
+from hindrax_core.vehicle import VEHICLE_OF_FRAME, Thruster, Vehicle
 
-VEHICLE_OF_FRAME = {1: "bluerov2", 2: "bluerov2-heavy"}
-"""Frame of ArduSub -> vehicle in the box."""
 BOX = frozenset(VEHICLE_OF_FRAME.values())
 """Vehicles in the box that an ArduSub drives: their files have ArduSub's own directions and outputs."""
 FIRST_MOTOR, MOST_MOTORS, OUTPUTS = 33, 8, 16

@@ -30,7 +30,7 @@ from hindrax_analysis.identification.record_identification import (
     worthwhile,
 )
 from hindrax_analysis.identification.verdict import NextCommand, NextFlight, NextReport, show_next
-from hindrax_analysis.records.autopilot_vehicle import BOX, VEHICLE_OF_FRAME, logged_wiring, wired
+from hindrax_analysis.records.autopilot_vehicle import BOX, logged_wiring, wired
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.csv_thrusters import MEANING, OUTPUTS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
@@ -44,7 +44,7 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.refusals import THRUSTERS_BY_HAND, from_sentence
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.text.text_file import require_place
-from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, VEHICLE_OF_FRAME, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.tuning import Tuning

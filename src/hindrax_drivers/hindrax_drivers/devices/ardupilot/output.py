@@ -20,7 +20,7 @@ from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_core.text.refusals import THRUSTERS_BY_HAND
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import VEHICLE_OF_FRAME, Vehicle
 from hindrax_drivers.devices.ardupilot.link import (
     ACCEPTED,
     ATTEMPTS,
@@ -81,9 +81,7 @@ PARAMETERS = (
 )
 # Named values (gain, input hold) come by themselves; asked for them, it answers with a text to every station.
 STREAMS = {ardupilot.SERVO_OUTPUT: SERVO_Hz, ardupilot.RC_CHANNELS: STICKS_Hz, ardupilot.SYS_STATUS: 2.0}
-FRAMES_IN_BOX = (1, 2)
 FILE_OF_LOG = "take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"
-"""Only for frames of a vehicle in the box a file can be made."""
 MODES = {
     0: "STABILIZE",
     1: "ACRO",
@@ -306,7 +304,7 @@ class ArduSub:
     def _other_file(self) -> str:
         """Where a vehicle file with the motors of this autopilot comes from."""
         frame = self._link.parameters.get("FRAME_CONFIG")
-        return FILE_OF_LOG if frame in FRAMES_IN_BOX else THRUSTERS_BY_HAND
+        return FILE_OF_LOG if frame in VEHICLE_OF_FRAME else THRUSTERS_BY_HAND
 
     def _find_mixer(self) -> str:
         parameters, version = self._link.parameters, self._link.version
@@ -326,7 +324,7 @@ class ArduSub:
         if backwards := self._backwards(frame):
             return (
                 f"its frame {frame} has {', '.join(backwards)} the other way round than the vehicle file; turn them in"
-                f" the file{f', or {FILE_OF_LOG}' if frame in FRAMES_IN_BOX else ''}"
+                f" the file{f', or {FILE_OF_LOG}' if frame in VEHICLE_OF_FRAME else ''}"
             )
         if parameters.get("FS_PILOT_INPUT") == 0.0:
             return (
