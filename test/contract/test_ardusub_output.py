@@ -28,12 +28,19 @@ class Bench:
     """Driver and firmware on one wire; `pulses` are handed over fifty times a second while `alive`."""
 
     def __init__(
-        self, vehicle: Vehicle = HEAVY, control: str = "manual_control", fault: str = "", lasts_s: float = 5.0
+        self,
+        vehicle: Vehicle = HEAVY,
+        control: str = "manual_control",
+        fault: str = "",
+        lasts_s: float = 5.0,
+        *,
+        left_armed: bool = False,
     ) -> None:
         self.board = firmware.ArduSub(vehicle.thrusters, now_s=10.0)
         specs = [FaultSpec(fault, ("thrusters",), 5.0, lasts_s)] if fault else []
         self.link = with_faults("thrusters", self.board, specs, 1, 10.0)
-        self.device = ArduSub(replace(vehicle, output=replace(vehicle.output, device="ardusub", control=control)))
+        output = replace(vehicle.output, device="ardusub", control=control)
+        self.device = ArduSub(replace(vehicle, output=output), left_armed=left_armed)
         self.now: Stamp = stamp_from_s(10.0)
         self.pulses: tuple[float, ...] = (1500.0,) * len(vehicle.thrusters)
         self.armed, self.alive = False, True
@@ -197,6 +204,95 @@ def test_silence_of_this_computer_ends_at_neutral_and_disarmed(control: str) -> 
     assert not bench.board.armed
 
 
+def without_failsafes(bench: Bench) -> None:
+    """It goes neutral without sticks, but stays armed: FS_PILOT_INPUT 1, and another ground station that beats."""
+    bench.board.parameters |= {"FS_PILOT_INPUT": 1.0, "FS_GCS_ENABLE": 0.0}
+
+
+def orders(bench: Bench) -> list[tuple[int, float]]:
+    """Sticks, motor tests and armings that were sent: number of the message or command, first parameter."""
+    found: list[tuple[int, float]] = []
+    for one in Receiver().feed(bench.sent):
+        if one.number == 69:
+            found.append((69, float(one.values[:4] != (0, 0, 500, 0))))
+        elif one.number == 76 and one.values[7] in (209, 400):
+            found.append((int(one.values[7]), one.values[0]))
+    return found
+
+
+@pytest.mark.parametrize("control", ["manual_control", "motor_test"])
+def test_a_silence_of_our_own_is_no_other_party_and_what_it_leaves_armed_is_disarmed(control: str) -> None:
+    """As after a freeze of this computer: the autopilot alone has gone neutral."""
+    bench = Bench(control=control)
+    without_failsafes(bench)
+    bench.fly(*AHEAD)
+    bench.alive = False
+    bench.run(10.0)
+    assert bench.wire() == NEUTRAL
+    assert bench.board.armed is (control == "manual_control")
+    bench.alive, bench.sent = True, b""
+    bench.run(0.02)
+    assert bench.device.fault().startswith("nothing was sent to the autopilot for 10.")
+    assert bench.device.left_armed
+    bench.run(1.5)
+    assert not bench.board.armed
+    assert not bench.device.left_armed
+    assert bench.texts()[-1] == "ardusub: the autopilot is disarmed again"
+    assert set(orders(bench)) <= {(69, 0.0), (400, 0.0)}, "neutral, and disarm"
+
+
+def hold_stick(bench: Bench) -> None:
+    bench.stranger(69, 0, 800, 500, 0, 0, 1, 0, 0, 0, 0, *(0,) * 6)
+
+
+def choose_stabilize(bench: Bench) -> None:
+    bench.stranger(76, 1.0, float(firmware.STABILIZE), *(0.0,) * 5, 176, 1, 1, 0)
+
+
+@pytest.mark.parametrize(("act", "seen"), [(hold_stick, "its sticks are not neutral"), (choose_stabilize, "STABILIZE")])
+def test_who_has_taken_over_while_we_were_silent_keeps_the_vehicle(act: Callable[[Bench], None], seen: str) -> None:
+    bench = Bench()
+    without_failsafes(bench)
+    bench.fly(*AHEAD)
+    bench.alive = False
+    bench.run(5.0)
+    for turn in range(30):
+        bench.alive = turn > 5
+        act(bench)
+        bench.run(0.1)
+    assert bench.texts()[-1] == f"ardusub: another party has taken over meanwhile: {seen}; it is not disarmed"
+    assert bench.board.armed
+    assert not bench.device.left_armed
+
+
+@pytest.mark.parametrize("reopened", [False, True])
+def test_what_a_lost_link_leaves_armed_is_disarmed_when_it_answers_again(reopened: bool) -> None:
+    bench = Bench(fault="absent", lasts_s=4.0)
+    without_failsafes(bench)
+    bench.fly(*AHEAD)
+    bench.run(3.0)
+    assert bench.device.fault().startswith("the autopilot has fallen silent")
+    bench.armed = False
+    if reopened:
+        bench.take(bench.device.start(bench.now))
+    bench.run(1.0)
+    assert bench.device.left_armed
+    assert bench.board.armed
+    bench.run(4.0)
+    assert not bench.board.armed
+    assert not bench.device.left_armed
+
+
+@pytest.mark.parametrize("left_armed", [False, True])
+def test_only_what_the_process_before_has_left_armed_is_disarmed_at_the_start(left_armed: bool) -> None:
+    bench = Bench(left_armed=left_armed)
+    without_failsafes(bench)
+    bench.stranger(76, 1.0, *(0.0,) * 6, 400, 1, 1, 0)
+    bench.run(4.0)
+    assert bench.device.ready
+    assert bench.board.armed is not left_armed
+
+
 def stick(bench: Bench) -> None:
     """A pilot holds the stick to starboard, as QGroundControl sends it, some 22 times a second."""
     for _ in range(25):
@@ -256,7 +352,7 @@ def test_what_somebody_else_has_armed_is_neither_flown_nor_disarmed() -> None:
     bench.run(1.2)
     bench.armed, bench.pulses = True, AHEAD
     bench.run(1.0)
-    assert "armed already, by another ground station" in bench.device.fault()
+    assert "armed already, by another ground station, or from here before a crash" in bench.device.fault()
     bench.armed = False
     bench.run(0.5)
     assert bench.board.armed
@@ -288,6 +384,25 @@ def test_a_refused_arming_is_told_in_the_autopilot_s_words() -> None:
     bench.armed = True
     bench.run(1.0)
     assert bench.board.armed
+
+
+def test_a_refused_mode_is_told_as_one_although_its_reason_comes_behind_the_answer() -> None:
+    bench = Bench()
+    bench.run(3.0)
+    bench.board.mode, bench.board.refuses_modes = firmware.STABILIZE, "Flight mode change failed"
+    bench.run(1.2)
+    bench.armed = True
+    bench.run(1.0)
+    assert bench.device.fault() == "the autopilot does not arm: MANUAL: Flight mode change failed"
+
+
+def test_what_it_has_said_long_before_is_not_the_reason_of_a_change() -> None:
+    bench = Bench()
+    bench.fly(*AHEAD)
+    bench.board._text(firmware.WARNING, "Warning: Arming Checks Disabled")
+    bench.run(3.0)
+    change_mode(bench)
+    assert bench.device.fault() == "another party, or a failsafe, has taken over: STABILIZE"
 
 
 def test_after_motor_tests_it_waits_for_the_pause_that_the_autopilot_asks_for() -> None:

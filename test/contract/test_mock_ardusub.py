@@ -10,12 +10,15 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, Stamped, seconds_between, stamp_from_s
 from hindrax_core.readings import Inertial, Pressure, Reading
+from hindrax_core.signals import AppliedOutput
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_drivers.devices.ardusub import ArduSub as Sensor
 from hindrax_drivers.nodes.deadman import HUNG_S
-from hindrax_drivers.output.output_guard import Pulses
+from hindrax_drivers.output.output_guard import OutputGuardKnobs, Pulses, Request, guard_of
+from hindrax_drivers.output.output_host import OutputHost
 from hindrax_drivers.output.output_ports import FOUND_WITHIN_S, LineOutput, Rider
+from hindrax_drivers.output.output_reasons import LEFT_ARMED
 from hindrax_sim.devices.ardupilot import firmware
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
@@ -85,6 +88,55 @@ def test_one_line_carries_thrust_and_what_the_autopilot_measures(tmp_path: Path)
         received = [data for data in frames["thrusters"] if data[:1] == b"\xfd"]
         assert set(received[-20:]) & set(frames["autopilot"]), "each keeps what it has read"
         output.close()
+
+
+class Told:
+    """A listener that keeps the reasons."""
+
+    def __init__(self) -> None:
+        self.reasons: list[str] = []
+
+    def applied(self, applied: AppliedOutput) -> None:
+        self.reasons.append(applied.reason)
+
+    def refused(self, *_: object) -> None: ...
+    def found(self, _identity: str) -> None: ...
+    def troubled(self, _text: str) -> None: ...
+    def deliver(self, _outputs: object) -> None: ...
+    def on_idle(self) -> None: ...
+
+
+def test_the_state_says_that_the_autopilot_is_still_armed_until_it_is_not(tmp_path: Path) -> None:
+    vehicle, told = behind_ardusub(), Told()
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0) as mock:
+        board = mock.hardware.output
+        assert isinstance(board, firmware.ArduSub)
+        board.parameters |= {"FS_PILOT_INPUT": 1.0, "FS_PILOT_TIMEOUT": 1.0}
+        output = LineOutput(mock.ports["thrusters"], ArduSub(vehicle), Beside(mock), lambda *_: None)
+        guard = guard_of(vehicle, OutputGuardKnobs(arming_s=0.0, disarm_after_s=60.0))
+        host = OutputHost(output, guard, told)
+
+        def turn(seconds: float) -> None:
+            end = mock.hardware.stamp + stamp_from_s(seconds)
+            while mock.hardware.stamp < end:
+                output.wait(min(host.turn(), Stamp(end)))
+
+        turn(1.0)
+        assert host.arm(Request(mock.hardware.stamp, 1)).accepted
+        turn(0.5)
+        assert board.armed
+        silent_until = mock.hardware.stamp + stamp_from_s(1.5)
+        while mock.hardware.stamp < silent_until:  # nobody serves the line
+            mock.step()
+        turn(0.1)
+        assert told.reasons[-1].startswith("nothing was sent to the autopilot for")
+        assert told.reasons[-1].endswith(f"; {LEFT_ARMED}")
+        assert host.left_armed
+        turn(1.5)
+        assert not board.armed
+        assert told.reasons[-1].startswith("nothing was sent to the autopilot for")
+        assert LEFT_ARMED not in told.reasons[-1]
+        host.end()
 
 
 def test_an_autopilot_that_lacks_something_is_refused_at_once_and_not_waited_for(tmp_path: Path) -> None:

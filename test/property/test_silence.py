@@ -61,6 +61,9 @@ class Wire:
     def fault(self) -> str:
         return ""
 
+    def left_armed(self) -> bool:
+        return False
+
     def shut_off(self) -> None: ...
 
     def wait(self, until: Stamp, meanwhile: object = None) -> None: ...

@@ -30,7 +30,7 @@ from hindrax_drivers.nodes.deadman import (
     NeutralWriter,
     WatchedProcess,
 )
-from hindrax_drivers.nodes.thruster_settings import ENDED, KEEPALIVE_S, Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import ENDED, KEEPALIVE_S, LEFT_ARMED, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_drivers.output.output_thread import BEAT_S
@@ -50,7 +50,7 @@ class Neutral:
 
     def __init__(self, _settings: object) -> None:
         self.writes, self.trouble, self.waits, self.woken, self.closed = 0, "", 0, 0, False
-        self.armed = self.blocked = False
+        self.armed = self.blocked = self.left_armed = False
         self.clock = self
 
     def now(self) -> Stamp:
@@ -124,7 +124,7 @@ def run(man: DeadMan, monkeypatch: pytest.MonkeyPatch, *children: Child) -> tupl
         waits.append(seconds)
         return True
 
-    def start(_arguments: object, ended: str) -> Child:
+    def start(_arguments: object, ended: str, **_left_armed: bool) -> Child:
         ENDS.append(ended)
         return next(left)
 
@@ -197,6 +197,8 @@ def test_an_order_to_end_goes_to_the_child_once_and_neutral_is_last(
     assert neutral.closed
     neutral.trouble = "no bus"
     assert run(man, monkeypatch, Child(-15, ends=False))[0] == 1, "neutral is not on the wire"
+    neutral.trouble, neutral.left_armed = "", True
+    assert run(man, monkeypatch, Child(-15, ends=False))[0] == 1, "an autopilot may be armed still"
 
 
 class Stops:
@@ -373,10 +375,15 @@ def test_both_descriptors_of_the_clock_are_given_back(chip: Chip) -> None:
     assert chip.closed == 1
 
 
-def test_an_stm32_goes_neutral_by_itself(chip: Chip, capsys: pytest.CaptureFixture[str]) -> None:
-    board = replace(VEHICLE, output=replace(VEHICLE.output, device="stm32"))
+@pytest.mark.parametrize(
+    ("device", "more"), [("stm32", ""), ("ardusub", ", and may still be armed: disarm it at a ground station")]
+)
+def test_an_output_with_a_mind_of_its_own_goes_neutral_by_itself(
+    device: str, more: str, chip: Chip, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = replace(VEHICLE, output=replace(VEHICLE.output, device=device))
     assert deadman.write_neutral(Settings(board, "/dev/ttyS0")) == 0
-    assert capsys.readouterr().out == "the stm32 goes neutral by itself without commands\n"
+    assert capsys.readouterr().out == f"the {device} goes neutral by itself without commands{more}\n"
     assert rest(chip) == 0
 
 
@@ -468,7 +475,7 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
 
     monkeypatch.setattr(subprocess, "Popen", popen)
     monkeypatch.setenv(VARIABLE, "/run/beat")
-    child = WatchedProcess.start(["--more"], "the node ended with -9")
+    child = WatchedProcess.start(["--more"], "the node ended with -9", left_armed=True)
     beat, life_end = started["pass_fds"]
     assert started["words"][1:] == [
         "-m",
@@ -481,6 +488,7 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
     assert started["start_new_session"]
     assert started["env"][VARIABLE] == "/run/beat_node"
     assert started["env"][ENDED] == "the node ended with -9"
+    assert LEFT_ARMED in started["env"]
     assert not os.get_blocking(child.beats)
     assert not os.get_blocking(child.life)
     assert child.listen(NOW)
@@ -554,7 +562,7 @@ def test_who_is_asked_to_end_between_two_nodes_ends_with_neutral(man: DeadMan, m
         man._ask(signal.SIGTERM, None)
         return False
 
-    monkeypatch.setattr(WatchedProcess, "start", lambda _arguments, _ended: Child(1))
+    monkeypatch.setattr(WatchedProcess, "start", lambda _arguments, _ended, **_: Child(1))
     monkeypatch.setattr(man, "_wait", wait)
     assert man.run() == 0
     assert neutral.writes > before[0]

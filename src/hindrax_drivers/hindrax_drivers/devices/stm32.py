@@ -52,6 +52,8 @@ class Stm32:
 
     baud = BAUD
     lack = ""
+    left_armed = False
+    """It disarms itself, soon after the last command."""
 
     def __init__(self, channels: Sequence[int]) -> None:
         """ValueError for channels that collide or that an override does not have."""

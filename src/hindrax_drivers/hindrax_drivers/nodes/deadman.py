@@ -37,6 +37,7 @@ from hindrax_drivers.nodes.thruster_settings import (
     DISARMED_WORD,
     ENDED,
     KEEPALIVE_S,
+    LEFT_ARMED,
     STOP_WORD,
     Settings,
     read_settings,
@@ -94,9 +95,14 @@ class NeutralWriter:
         return self._bus or self._clock or self._stack_clock
 
     @property
+    def left_armed(self) -> bool:
+        """Whether an autopilot was armed by the node, and has not said since that it is disarmed."""
+        return self._farewell is not None and self.armed
+
+    @property
     def blocked(self) -> bool:
         """Whether the node holds the line that neutral has to go over."""
-        return self._farewell is not None and self.armed and bool(self.trouble)
+        return self.left_armed and bool(self.trouble)
 
     def write(self) -> None:
         """Neutral first; then make sure that the chip is set up as it should be. What fails is tried again."""
@@ -171,8 +177,12 @@ class WatchedProcess:
     """Whether its last beat said so."""
 
     @classmethod
-    def start(cls, arguments: Sequence[str], ended: str) -> "WatchedProcess":
-        """Start the node in its own session; `ended`: how the one before it did, empty for the first."""
+    def start(cls, arguments: Sequence[str], ended: str, *, left_armed: bool) -> "WatchedProcess":
+        """Start the node in its own session.
+
+        `ended`: how the one before it did, empty for the first; `left_armed`: whether that may have left an autopilot
+        armed.
+        """
         beats, beat = os.pipe()
         life_end, life = os.pipe()
         words = [sys.executable, "-m", "hindrax_drivers.nodes.thrusters", NODE_WORD, str(beat), str(life_end)]
@@ -181,7 +191,12 @@ class WatchedProcess:
             pass_fds=(beat, life_end),
             start_new_session=True,
             stdin=subprocess.DEVNULL,
-            env={**os.environ, VARIABLE: _of_the_node(os.environ.get(VARIABLE, "")), ENDED: ended},
+            env={
+                **os.environ,
+                VARIABLE: _of_the_node(os.environ.get(VARIABLE, "")),
+                ENDED: ended,
+                **({LEFT_ARMED: "1"} if left_armed else {}),
+            },
         )
         os.close(beat)
         os.close(life_end)
@@ -243,11 +258,17 @@ class DeadMan:
         signal.signal(signal.SIGTERM, self._ask)
 
     def run(self) -> int:
-        """Neutral, child, neutral, until the end; returns the exit code: 0 only when neutral was written last."""
+        """Neutral, child, neutral, until the end.
+
+        Returns
+        -------
+        int
+            Exit code: 0 only when neutral was written last, and no autopilot may be armed still.
+        """
         failures, ended = 0, ""
         self._neutral.write()
         while True:
-            child = WatchedProcess.start(self._arguments, ended)
+            child = WatchedProcess.start(self._arguments, ended, left_armed=self._neutral.left_armed)
             code = self._watch(child)
             self._neutral.write()
             self._see_disarmed()
@@ -265,7 +286,8 @@ class DeadMan:
         if self._stops is not None:
             self._stops.close()
         self._neutral.close()
-        return int(bool(self._neutral.trouble)) if self._asked_s is not None else code
+        unsafe = bool(self._neutral.trouble) or self._neutral.left_armed
+        return int(unsafe) if self._asked_s is not None else code
 
     def _watch(self, child: WatchedProcess) -> int:
         """Return the exit code of the child when it has ended; neutral in its place whenever it is silent."""
@@ -369,6 +391,8 @@ def write_neutral(settings: Settings) -> int:
         return 1
     output = settings.vehicle.output
     alone = f"the {output.device} goes neutral by itself without commands"
+    if output.device == "ardusub":
+        alone += ", and may still be armed: disarm it at a ground station"
     print(alone if output.on_line else "neutral is on the wire")  # noqa: T201  # for the supervisor
     return 0
 

@@ -24,9 +24,11 @@ KEEPALIVE_S = 0.2
 STOP_WORD, DISARMED_WORD = b"s", b"d"
 """Among the keepalives: disarm. Among the beats of the node: disarmed since, and neutral was written."""
 BEAT_WORD, ARMED_WORD = b"!", b"a"
-"""A beat of the node, and one while it is armed."""
+"""A beat of the node, and one while it is armed, or may have left an autopilot so."""
 ENDED = "HINDRAX_OUTPUT_ENDED"
 """Environment of a node that the dead man has started again: how the one before it ended."""
+LEFT_ARMED = "HINDRAX_OUTPUT_LEFT_ARMED"
+"""Environment of one whose predecessor has armed an autopilot that nobody could disarm since."""
 NO_VEHICLE = Vehicle("no vehicle", mass_kg=1.0, volume_m3=1e-3, envelope_m=(0.1, 0.1, 0.1))
 """For a device that stands alone: nothing is known of what it is on."""
 

@@ -38,6 +38,7 @@ from hindrax_drivers.nodes.thruster_settings import (
     DISARMED_WORD,
     ENDED,
     KEEPALIVE_S,
+    LEFT_ARMED,
     STOP_WORD,
     OutputAlone,
     Settings,
@@ -242,10 +243,12 @@ class ThrustersNode(DeviceNode):
         if self._forces is not None:
             return ForceOutput(settings.vehicle, self._forces, open_clock(settings.clock, NAME))
         wires = (settings.vehicle, settings.port, settings.clock, self.tap.add, NAME)
-        return open_output(*wires, neutral=neutral, riders=self._riders)
+        left_armed = LEFT_ARMED in os.environ
+        return open_output(*wires, neutral=neutral, riders=self._riders, left_armed=left_armed)
 
     def _beat(self, word: bytes = b"") -> None:
-        word = word or (ARMED_WORD if self._phase == ArmingPhase.ARMED else BEAT_WORD)
+        armed = self._phase == ArmingPhase.ARMED or self._thread.left_armed
+        word = word or (ARMED_WORD if armed else BEAT_WORD)
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it
             os.write(self._beat_to, word)
 

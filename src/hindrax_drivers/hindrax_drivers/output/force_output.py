@@ -79,6 +79,10 @@ class ForceOutput:
         """Return no fault: nobody reports one."""
         return ""
 
+    def left_armed(self) -> bool:
+        """Return False: nobody is armed at the far end."""
+        return False
+
     def shut_off(self) -> None:
         """Send zeros, which whoever still listens obeys."""
         self._topics.send([0.0] * len(self._curves))

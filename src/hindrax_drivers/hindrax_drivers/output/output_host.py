@@ -24,7 +24,7 @@ from hindrax_drivers.output.output_guard import (
     Request,
 )
 from hindrax_drivers.output.output_ports import ThrusterOutput
-from hindrax_drivers.output.output_reasons import NO_REASON, OutputReason, output_reason
+from hindrax_drivers.output.output_reasons import LEFT_ARMED, NO_REASON, OutputReason, output_reason
 
 SET_UP_AGAIN_S = 0.5
 CHECK_S = 1.0
@@ -70,6 +70,11 @@ class OutputHost:
     def ready(self) -> bool:
         """Whether the output is set up and follows commands."""
         return self._state.phase is not ArmingPhase.FAULTED
+
+    @property
+    def left_armed(self) -> bool:
+        """Whether the far end was armed from here, and may be so although it should not be."""
+        return not self._state.armed and self._output.left_armed()
 
     def command(self, command: Command) -> None:
         """Check a command; the next `turn` writes it."""
@@ -215,6 +220,8 @@ class OutputHost:
         """Report the last pulses that were written: after a failed write they are most likely still active."""
         state, last = self._state, self._last
         made, why = self._output.applied(last), state.reason or state.unobeyed
+        if self.left_armed:
+            why = Coded(why.code, f"{why}; {LEFT_ARMED}")
         pulses_us = made.reading.pulses_us
         applied = AppliedOutput(made.stamp, state.armed, pulses_us, last.sequence, state.armings, state.phase, why)
         self._listener.applied(applied)

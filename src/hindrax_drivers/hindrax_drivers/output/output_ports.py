@@ -69,6 +69,10 @@ class RegisterOutput:
         """Return no fault: a register chip has no state of its own."""
         return ""
 
+    def left_armed(self) -> bool:
+        """Return False: a register chip has no arming state."""
+        return False
+
     def shut_off(self) -> None:
         """Disable the outputs: the only way out when the bus is stuck."""
         self._line.set(enabled=False)
@@ -145,6 +149,10 @@ class OutputDevice(Protocol):
 
     def fault(self) -> str:
         """Why it does not follow although it should be armed; empty where it does."""
+
+    @property
+    def left_armed(self) -> bool:
+        """Whether it was armed from here, should be so no more, and does not say that it is disarmed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,6 +264,10 @@ class LineOutput:
         """Why it does not follow."""
         return self._device.fault()
 
+    def left_armed(self) -> bool:
+        """Whether the far end may be armed although it should not be."""
+        return self._device.left_armed
+
     def shut_off(self) -> None:
         """Do nothing: it goes neutral by itself without commands."""
 
@@ -309,7 +321,15 @@ def set_up_patiently(output: ThrusterOutput) -> str:
 
 
 def open_output(
-    vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *, neutral: Pulses, riders: Sequence[Rider] = ()
+    vehicle: Vehicle,
+    port: str,
+    clock: str,
+    tap: Tap,
+    name: str,
+    *,
+    neutral: Pulses,
+    riders: Sequence[Rider] = (),
+    left_armed: bool = False,
 ) -> ThrusterOutput:
     """Open the output of a vehicle file. DeviceError says what is missing.
 
@@ -327,6 +347,8 @@ def open_output(
         Of its guard: the output is set up to it.
     riders
         Sensors on its line.
+    left_armed
+        Whether the process that had it before has left it armed, as far as is known.
 
     Returns
     -------
@@ -338,7 +360,7 @@ def open_output(
     if vehicle.output.device == "ardusub":
         from hindrax_drivers.devices.ardupilot.output import ArduSub  # noqa: PLC0415  # 40 ms for whoever has none
 
-        return LineOutput(port, ArduSub(vehicle), open_clock(clock, name), tap, riders)
+        return LineOutput(port, ArduSub(vehicle, left_armed=left_armed), open_clock(clock, name), tap, riders)
     line = open_enable_line(vehicle.output, port)
     try:
         return RegisterOutput(open_bus(port, name), pca9685_of(vehicle, neutral.all_us), line, tap)

@@ -39,6 +39,8 @@ class OutputThread(ServingThread):
         self._output: ThrusterOutput | None = None
         self.ready = False
         """Whether the output is set up and follows commands."""
+        self.left_armed = False
+        """Whether its far end may be armed although it should not be."""
         self._closed_because = "the output is not open yet"
         self._inhibited_because = NO_REASON
         self._beaten_at = Stamp(0)
@@ -117,7 +119,7 @@ class OutputThread(ServingThread):
             return
         host = OutputHost(output, self._guard, self._listener)
         host.inhibit(self._inhibited_because)
-        self._output = output
+        self._output, self.left_armed = output, host.left_armed
         try:
             while not self.stopping:
                 self._turn(output, host)
@@ -133,7 +135,7 @@ class OutputThread(ServingThread):
             self._beat()
         self._drain(host)
         due = host.turn()
-        self.ready = host.ready
+        self.ready, self.left_armed = host.ready, host.left_armed
         try:
             output.wait(due, self._listener.on_idle)
         except DeviceError as error:

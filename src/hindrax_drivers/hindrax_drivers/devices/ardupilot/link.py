@@ -189,7 +189,7 @@ class Link:
             self.version = message
             return True
         if isinstance(message, CommandAck) and self._commands and self._commands[0].number == message.command:
-            if not self._is_ours(message) or not self._commands[0].attempt:
+            if not self.is_ours(message) or not self._commands[0].attempt:
                 return False
             if message.result == IN_PROGRESS:
                 self._commands[0] = replace(self._commands[0], at=stamp)
@@ -200,7 +200,8 @@ class Link:
             return True
         return False
 
-    def _is_ours(self, answer: CommandAck) -> bool:
+    def is_ours(self, answer: CommandAck) -> bool:
+        """Whether an answer is for a command of this end, not of another ground station."""
         systems, components = (0, GCS_SYSTEM, self.own_system), (0, self._component)
         return answer.target_system in systems and answer.target_component in components
 

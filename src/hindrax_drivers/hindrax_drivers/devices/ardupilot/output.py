@@ -7,8 +7,10 @@ at which the autopilot says it was so. Whether the autopilot is there is judged 
 
     idle --arm--> arming: MANUAL, then arm --accepted--> armed --disarm--> leaving --confirmed--> idle
     armed --another party, a failsafe, a restart--> ended: a neutral stick, then silence, until it is armed anew
+    armed --a lost link, silence of our own--> leaving, as soon as it is heard again
 
-Who took over keeps the vehicle: after that nothing is sent that could move it, nor a disarm.
+Who took over keeps the vehicle: after that nothing is sent that could move it, nor a disarm. What was armed from here
+and nobody took over is disarmed from here: without FS_PILOT_INPUT 2 (disarm) it would stay armed at neutral for good.
 """
 
 import math
@@ -65,11 +67,15 @@ STICK_TOLERANCE_us, PULSE_TOLERANCE_us = 8.0, 3.0
 CONFIRMED_S = 2.5
 """Time from an accepted arming by which the heartbeat says so."""
 FRESH_S = 1.0
+WORDS_S = 2.0
+"""Age of a text that can be the reason of what a heartbeat shows: its period, and the delay of a link."""
 WRAP_us = 2**32
 """Length of the autopilot's clock."""
 HALF_us = 400.0
 """Way of a stick to either end."""
 FAREWELLS = 3
+TEST_TIMEOUT_S, PILOT_TIMEOUT_S = 0.5, 3.0
+"""Silence after which the autopilot goes neutral: by motor test; by sticks, where FS_PILOT_TIMEOUT is not known."""
 SERVO_Hz, STICKS_Hz = 50.0, 40.0
 """Sticks are looked at in another rhythm than ours are sent in: else each look might fall just behind one of ours."""
 PARAMETERS = (
@@ -113,15 +119,17 @@ class ArduSub:
 
     baud = BAUD
 
-    def __init__(self, vehicle: Vehicle, streams: Mapping[int, float] | None = None) -> None:
-        """`streams`: further ones, for sensors on the same link [Hz]."""
+    def __init__(
+        self, vehicle: Vehicle, streams: Mapping[int, float] | None = None, *, left_armed: bool = False
+    ) -> None:
+        """`streams`: further ones, for sensors on the same link [Hz]; `left_armed`: by the process before this one."""
         self._vehicle, self._by_test = vehicle, vehicle.output.control == "motor_test"
         self._link = Link(PARAMETERS, {**STREAMS, **(streams or {})})
         self._clock = Timebase(1e-6, latency_s=LATENCY_S)
         self._asked = False
-        self._owned = False
+        self._owned = left_armed
         """Whether it was armed from here, and neither disarmed since nor taken over."""
-        self._pause_until = Stamp(0)
+        self._pause_until = self._sticks_at = self._tests_at = Stamp(0)
         self._handlers = Handlers()
         self._handlers.on(ServoOutput, self._on_servos)
         self._handlers.on(RcChannels, self._on_sticks)
@@ -174,6 +182,12 @@ class ArduSub:
             return ""
         return self._ended or "the autopilot is not armed"
 
+    @property
+    def left_armed(self) -> bool:
+        """Whether it was armed from here, should be so no more, and does not say that it is disarmed."""
+        unconfirmed = self._phase is Phase.LEAVING and (self._cut_off or self._tries > 1)
+        return self._owned and (unconfirmed or self._phase is Phase.IDLE)
+
     # ---- the line
 
     def start(self, stamp: Stamp) -> Iterable[Output]:
@@ -183,7 +197,7 @@ class ArduSub:
 
     def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
         """Decode received bytes."""
-        outputs: list[Output] = []
+        outputs = self._watch_ourselves(stamp)
         for message in self._link.feed(data, stamp):
             if isinstance(message, Rejected):
                 outputs.append(message)
@@ -222,7 +236,7 @@ class ArduSub:
             Frames to send, and troubles.
         """
         del lights_us
-        outputs: list[Output] = []
+        outputs = self._watch_ourselves(stamp)
         if armed and not self._asked:
             outputs += self._begin(stamp)
         self._asked = armed
@@ -244,16 +258,17 @@ class ArduSub:
         self._mixer: Mixer | None = None
         self._motors: tuple[Motor, ...] = ()
         self._named: dict[str, float] = {}
-        self._last_text = self._unexplained = ""
+        self._last_text = self._refused = self._unexplained = ""
         self._restarted = self._seen_armed = self._tested = False
         self._clock.restart()
         self._boot_us = self._overflows = self._tries = 0
         self._now = stamp
-        self._step_at = self._armed_at = self._served_at = self._accepted_at = Stamp(0)
-        self._sticks_at = self._tests_at = Stamp(0)
+        self._step_at = self._armed_at = self._served_at = self._accepted_at = self._text_at = Stamp(0)
         self._sent: list[int] = []
         self._history: deque[tuple[Stamp, tuple[float, ...]]] = deque(maxlen=256)
         self._odd: deque[Stamp] = deque()
+        self._moved = self._cut_off = False
+        """Whether sticks (by motor test, thrusters) are off neutral; whether it was out of our reach while armed."""
 
     def _identify(self, stamp: Stamp) -> list[Output]:
         if self._identity or self._lack or not self._link.beat or self._link.asking:
@@ -267,9 +282,7 @@ class ArduSub:
         others = ", ".join(f"{system}/{component}" for system, component in sorted(self._link.stations))
         beside = f", beside the ground station {others}" if others else ""
         self._identity = f"ArduSub{version}, system {self._link.system}, driven by {way}{beside}"
-        if self._owned and self._link.beat.armed:  # The line was lost meanwhile.
-            self._phase, self._tries = Phase.LEAVING, 0
-        return [Identity(self._identity)]
+        return [Identity(self._identity), *(self._take_back(stamp) if self._owned else ())]
 
     def _find_lack(self) -> str:
         parameters = self._link.parameters
@@ -374,10 +387,10 @@ class ArduSub:
 
     def _on_text(self, message: StatusText, stamp: Stamp) -> list[Output]:
         if message.severity <= SEVERITY_WARNING:
-            self._last_text = message.text
+            self._last_text, self._text_at = message.text, stamp
             trouble = Trouble(stamp, f"ardusub: {message.text}")
             waited_for = self._unexplained and self._phase is Phase.ARMING
-            return [trouble, *(self._refuse(message.text, stamp) if waited_for else ())]
+            return [trouble, *(self._refuse(f"{self._refused}{message.text}", stamp) if waited_for else ())]
         return [Stamped(stamp, DeviceText(message.text))]
 
     def _on_clock(self, boot_us: int, stamp: Stamp) -> list[Output]:
@@ -409,6 +422,7 @@ class ArduSub:
             history.popleft()
         while self._odd and seconds_between(self._odd[0], stamp) > MEMORY_S:
             self._odd.popleft()
+        self._moved = any(abs(value - CENTER_us) > tolerance for value in found)
         if self._phase is not Phase.ARMED or not history:
             return []
         for index, (value, *asked) in enumerate(zip(found, *(values for _, values in history), strict=False)):
@@ -434,14 +448,38 @@ class ArduSub:
         if beat.armed:
             self._seen_armed = True
         elif self._seen_armed or late:
-            return self._end(f"the autopilot has been disarmed{self._last_words()}", stamp)
+            return self._end(f"the autopilot has been disarmed{self._last_words(stamp)}", stamp)
         if beat.mode != MANUAL and (self._seen_armed or late):
             mode = MODES.get(beat.mode, f"mode {beat.mode}")
-            return self._end(f"another party, or a failsafe, has taken over: {mode}{self._last_words()}", stamp)
+            return self._end(f"another party, or a failsafe, has taken over: {mode}{self._last_words(stamp)}", stamp)
         return []
 
-    def _last_words(self) -> str:
-        return f" ({self._last_text})" if self._last_text else ""
+    def _watch_ourselves(self, stamp: Stamp) -> list[Output]:
+        """Whether nothing was sent for so long that the autopilot has gone neutral: no other party has done that."""
+        silent_s = self._silent_s(stamp)
+        # Delays on the way to it vary: a silence that was a little shorter here may have been as long there.
+        if self._phase is not Phase.ARMED or silent_s < self._patience_s - (0.0 if self._by_test else SEEN_S):
+            return []
+        return self._end(
+            f"nothing was sent to the autopilot for {silent_s:.1f} s, and it goes neutral by itself after "
+            f"{self._patience_s:g} s; find what has held up this computer",
+            stamp,
+            owned=True,
+        )
+
+    def _silent_s(self, stamp: Stamp) -> float:
+        """Time since the last stick or motor test of ours."""
+        return seconds_between(max(self._sticks_at, self._tests_at), stamp)
+
+    @property
+    def _patience_s(self) -> float:
+        """Silence after which the autopilot goes neutral."""
+        return TEST_TIMEOUT_S if self._by_test else self._link.parameters.get("FS_PILOT_TIMEOUT", PILOT_TIMEOUT_S)
+
+    def _last_words(self, stamp: Stamp) -> str:
+        """What it has said about what is seen now, as far as it has; what it said long before is another matter."""
+        recent = self._last_text and seconds_between(self._text_at, stamp) <= WORDS_S
+        return f" ({self._last_text})" if recent else ""
 
     def _end(self, why: str, stamp: Stamp, *, owned: bool = False) -> list[Output]:
         """End for good: a neutral stick, then nothing that could move the vehicle of whoever has it now.
@@ -454,7 +492,12 @@ class ArduSub:
         farewells = [] if self._by_test else [self._sticks((0.0,) * 6) for _ in range(FAREWELLS)]
         self._phase, self._ended = Phase.IDLE, why
         self._finish_tests(stamp)
-        return [*farewells, Trouble(stamp, f"ardusub: {why}")]
+        return [*farewells, Trouble(stamp, f"ardusub: {why}"), *(self._take_back(stamp) if owned else ())]
+
+    def _take_back(self, stamp: Stamp) -> list[Output]:
+        """Begin to disarm what was out of our reach while armed from here, once a heartbeat has shown who has it."""
+        self._phase, self._tries, self._step_at, self._cut_off = Phase.LEAVING, 0, stamp, True
+        return []
 
     def _finish_tests(self, stamp: Stamp) -> None:
         if self._tested:
@@ -464,10 +507,16 @@ class ArduSub:
     # ---- arming and disarming
 
     def _begin(self, stamp: Stamp) -> list[Output]:
+        if self._phase is Phase.LEAVING:
+            self._ended = (
+                "the autopilot does not arm: it is still armed from before, and is being disarmed; arm again then"
+            )
+            return [Trouble(stamp, f"ardusub: {self._ended}")]
         beat, self._ended, self._last_text, self._unexplained = self._link.beat, "", "", ""
         busy = [why for name, why in BUSY.items() if self._named.get(name)]
         if beat is not None and beat.armed:
-            return self._refuse("it is armed already, by another ground station; disarm it there", stamp)
+            who = "by another ground station, or from here before a crash"
+            return self._refuse(f"it is armed already, {who}; disarm it at a ground station", stamp)
         if busy:
             return self._refuse(f"{busy[0]}; end that at the other ground station", stamp)
         if stamp < self._pause_until:
@@ -484,10 +533,9 @@ class ArduSub:
 
     def _step(self, stamp: Stamp) -> list[Output]:
         """Ask for the next step: the mode, then arming; or disarming."""
+        if self._phase is Phase.LEAVING and not self._may_disarm(stamp):
+            return self._stay_away(stamp)
         beat = self._link.beat
-        if self._phase is Phase.LEAVING and beat is not None and not beat.armed and self._link.beat_at > self._step_at:
-            self._phase, self._owned = Phase.IDLE, False
-            return []
         if self._unexplained and self._phase is Phase.ARMING:
             return self._refuse(self._unexplained, stamp)
         if self._tries >= ATTEMPTS:
@@ -499,6 +547,37 @@ class ArduSub:
             return [self._link.command(SET_MODE, 1.0, MANUAL)]
         return [self._link.command(ARM, 1.0, confirmation=self._tries - 1)]
 
+    def _may_disarm(self, stamp: Stamp) -> bool:
+        """Whether it is armed, as far as is known, and nobody else's: seen first where it was out of our reach."""
+        beat, news = self._link.beat, self._link.beat_at > self._step_at
+        if news and beat is not None and not beat.armed:
+            return False
+        return not self._cut_off or ((news or self._tries > 0) and not self._other_party(stamp))
+
+    def _stay_away(self, stamp: Stamp) -> list[Output]:
+        """Whether there is nothing to disarm any more; else a heartbeat must show it."""
+        beat = self._link.beat
+        if self._link.beat_at <= self._step_at or beat is None:
+            return []
+        if not beat.armed:
+            return self._left(stamp)
+        self._phase, self._owned = Phase.IDLE, False
+        party = self._other_party(stamp)
+        return [Trouble(stamp, f"ardusub: another party has taken over meanwhile: {party}; it is not disarmed")]
+
+    def _left(self, stamp: Stamp) -> list[Output]:
+        """It is disarmed."""
+        self._phase, self._owned = Phase.IDLE, False
+        return [Trouble(stamp, "ardusub: the autopilot is disarmed again")] if self._cut_off else []
+
+    def _other_party(self, stamp: Stamp) -> str:
+        """What shows that somebody has it who was not cut off: a mode, or what can be no stick of ours any more."""
+        mode = MANUAL if self._link.beat is None else self._link.beat.mode
+        if mode != MANUAL:
+            return MODES.get(mode, f"mode {mode}")
+        late = self._silent_s(stamp) > self._patience_s + SEEN_S
+        return f"its {'thrusters' if self._by_test else 'sticks'} are not neutral" if self._moved and late else ""
+
     def _give_up(self, stamp: Stamp) -> list[Output]:
         beat = self._link.beat
         if self._phase is Phase.LEAVING:
@@ -508,6 +587,8 @@ class ArduSub:
         return self._refuse(f"no answer to {ATTEMPTS} requests {'for MANUAL' if mode else 'to arm'}", stamp)
 
     def _on_answer(self, answer: CommandAck, stamp: Stamp) -> list[Output]:
+        if not self._link.is_ours(answer):
+            return []
         if answer.command == MOTOR_TEST:
             return self._on_test(stamp, accepted=answer.result == ACCEPTED)
         if answer.command not in (SET_MODE, ARM) or self._phase not in (Phase.ARMING, Phase.LEAVING):
@@ -515,14 +596,13 @@ class ArduSub:
         if answer.result == IN_PROGRESS:
             self._step_at = stamp
         elif self._phase is Phase.LEAVING:
-            if answer.result == ACCEPTED:
-                self._phase, self._owned = Phase.IDLE, False
+            return self._left(stamp) if (answer.command, answer.result) == (ARM, ACCEPTED) else []
         elif answer.result != ACCEPTED:
-            what = "MANUAL: " if answer.command == SET_MODE else ""
+            self._refused = "MANUAL: " if answer.command == SET_MODE else ""
             if self._last_text:
-                return self._refuse(f"{what}{self._last_text}", stamp)
+                return self._refuse(f"{self._refused}{self._last_text}", stamp)
             # ArduSub queues the text that says why behind its answer.
-            self._unexplained, self._step_at = f"{what}answered with result {answer.result}", stamp
+            self._unexplained, self._step_at = f"{self._refused}answered with result {answer.result}", stamp
         elif answer.command == SET_MODE:
             self._tries = 0
         else:
@@ -533,7 +613,7 @@ class ArduSub:
     def _leave(self, stamp: Stamp) -> list[Output]:
         """Neutral and disarmed, because our own side ends it."""
         outputs: list[Output] = list(self._neutral(stamp))
-        self._phase, self._tries = Phase.LEAVING, 0
+        self._phase, self._tries, self._cut_off = Phase.LEAVING, 0, False
         self._finish_tests(stamp)
         return [*outputs, *self._step(stamp)]
 
@@ -562,7 +642,7 @@ class ArduSub:
 
     def _tests(self, pulses_us: Sequence[float], before_us: Sequence[float] = ()) -> list[Send]:
         """One motor test for each pulse that is not as before."""
-        by_pulse, board_order, timeout_s = 1.0, 2.0, 0.5
+        by_pulse, board_order, timeout_s = 1.0, 2.0, TEST_TIMEOUT_S
         return [
             self._link.command(MOTOR_TEST, one.number - 1, by_pulse, pulse, timeout_s, 0.0, board_order)
             for index, (one, pulse) in enumerate(zip(self._motors, pulses_us, strict=True))
@@ -575,7 +655,7 @@ class ArduSub:
             return []
         if seconds_between(self._accepted_at, stamp) < ASK_AGAIN_S:
             return []
-        return self._end(f"it refuses motor tests{self._last_words()}", stamp)
+        return self._end(f"it refuses motor tests{self._last_words(stamp)}", stamp)
 
     def _stick(self, stamp: Stamp, pulses_us: Sequence[float] = ()) -> list[Output]:
         """MANUAL_CONTROL nearest to some pulses; neutral without."""

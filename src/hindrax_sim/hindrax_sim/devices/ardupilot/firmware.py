@@ -124,6 +124,8 @@ class ArduSub(Part[AutopilotTruth]):
         self.parameters = parameters_of(thrusters)
         self.refuses_arming = ""
         """Text of a check that fails; empty when it arms."""
+        self.refuses_modes = ""
+        """Why it changes its mode for nobody."""
         self.unsupported: set[int] = set()
         """Commands that this firmware does not know."""
         self.version = VERSION
@@ -293,6 +295,9 @@ class ArduSub(Part[AutopilotTruth]):
         mode = round(values[1])
         if mode not in MODES:
             return DENIED
+        if self.refuses_modes:
+            self._text(WARNING, self.refuses_modes)
+            return FAILED
         self.mode = mode
         self._sticks_us = [1500.0] * 6
         return ACCEPTED
