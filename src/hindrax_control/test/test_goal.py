@@ -14,11 +14,13 @@ from hindrax_control.maneuver.goal import (
     PLATEAUS,
     Goal,
     check_goal,
+    no_state,
     not_armed,
     require_ready,
     unobeyed,
 )
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.refusals import SENSELESS, Reason
 from hindrax_core.vehicle import AXES
 
 SURGE = Goal(("surge",))
@@ -107,3 +109,12 @@ def test_a_maneuver_begins_when_nothing_speaks_against_it(change: dict[str, obje
 def test_what_keeps_the_thrusters_from_turning_is_named() -> None:
     assert not_armed("") == "the vehicle is not armed; `./hindrax arm` first"
     assert unobeyed("no command is taken").startswith("the thrusters are armed, but no command is taken; disarm")
+
+
+def test_a_computer_that_stood_still_blames_no_sensor() -> None:
+    assert "no state of the vehicle yet, so" in no_state(None, 60.0, 5.0)
+    assert "no state of the vehicle for 6 s, so" in no_state(6.0, 0.5, 5.0)
+    stood = no_state(10.0, 9.9, 5.0)
+    assert stood.startswith("navigation: the pilot itself stood still for 10 s, in which the thrusters went neutral; ")
+    assert SENSELESS not in stood
+    assert stood.reason is Reason.NAVIGATION

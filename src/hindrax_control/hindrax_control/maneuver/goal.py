@@ -62,6 +62,32 @@ class Goal:
     pulses: tuple[Pulse, ...] = ()
 
 
+def no_state(silent_s: float | None, stood_still_s: float, longest_s: float) -> Refusal:
+    """Why a flight ends without a state of the vehicle.
+
+    Parameters
+    ----------
+    silent_s : [s]
+        Time since the last state; None before the first.
+    stood_still_s : [s]
+        Time for which the process that asks had not looked.
+    longest_s : [s]
+        Silence that ends a flight.
+
+    Returns
+    -------
+    Refusal
+        It names a computer that was held up rather than a sensor, where that explains the silence.
+    """
+    if silent_s is not None and stood_still_s > longest_s:
+        held_up = f"the pilot itself stood still for {stood_still_s:.0f} s, in which the thrusters went neutral"
+        return Refusal(Reason.NAVIGATION, f"navigation: {held_up}; find what has held up this computer, then fly again")
+    since = "yet" if silent_s is None else f"for {silent_s:.0f} s"
+    return Refusal(
+        Reason.NAVIGATION, f"navigation: no state of the vehicle {since}, so the thrusters are neutral; {SENSELESS}"
+    )
+
+
 def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
     """Refuse a goal that this vehicle can never fly.
 

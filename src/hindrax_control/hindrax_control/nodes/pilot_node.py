@@ -1,5 +1,6 @@
 """The pilot node: holds, maneuvers and the operator's wrench make one wrench for every navigation status."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -17,7 +18,7 @@ from hindrax_control.allocation.thrust_curve import check_pulses
 from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.commissioning.record import slow_sentence, slowed
 from hindrax_control.hold.holds import HOLDS, Setpoint
-from hindrax_control.maneuver.goal import BUSY, Goal
+from hindrax_control.maneuver.goal import BUSY, Goal, no_state
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput, abandoned
 from hindrax_control.maneuver.maneuver_guards import AUTO, SLOW
 from hindrax_control.maneuver.pulses import PulseManeuver
@@ -37,7 +38,6 @@ from hindrax_core.signals import Allocation, AppliedOutput, Estimate, Navigation
 from hindrax_core.text.refusals import (
     CANCELLED,
     NOTHING,
-    SENSELESS,
     Reason,
     Refusal,
     refusal_of,
@@ -131,7 +131,7 @@ class PilotNode(BatchedNode):
         self._setpoints: list[Setpoint] = []
         self._phase = ("", "")
         self._estimates: dict[str, Stamped[Estimate]] = {}
-        self._turn, self._last_state = 0, Stamp(0)
+        self._turn, self._last_state, self._looked_s = 0, Stamp(0), time.monotonic()
         self._wrench = publisher(self, topics.WRENCH)
         self._holds = publisher(self, topics.HOLD_STATUS)
         self._maneuver = publisher(self, topics.MANEUVER)
@@ -453,7 +453,8 @@ class PilotNode(BatchedNode):
 
     def _check_navigator(self) -> None:
         """Report a silent navigator, and abort a waiting or flown goal: no cycle would do it."""
-        silent_s = seconds_between(self._last_state, self.now())
+        silent_s, now_s = seconds_between(self._last_state, self.now()), time.monotonic()
+        stood_still_s, self._looked_s = now_s - self._looked_s, now_s
         if self._last_state and silent_s > STATELESS_S:
             # Reports come with the cycles; without a state there are none, and the last one would stand for ever.
             self._reporter.report(
@@ -461,9 +462,7 @@ class PilotNode(BatchedNode):
             )
         if silent_s <= SILENT_S or self._goal is None:
             return
-        since = f"for {silent_s:.0f} s" if self._last_state else "yet"
-        text = f"navigation: no state of the vehicle {since}, so the thrusters are neutral; {SENSELESS}"
-        lost = Refusal(Reason.NAVIGATION, text)
+        lost = no_state(silent_s if self._last_state else None, stood_still_s, SILENT_S)
         self._pilot.abandon()
         self._maneuver.publish(pilot_messages.maneuver_to_msg(abandoned(lost), self.now()))
         self._finish_goal(self._goal, lost)
