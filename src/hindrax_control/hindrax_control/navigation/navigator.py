@@ -42,7 +42,7 @@ STEPPED_BACK = 100
 GRAVITY_BOUNDS_mps2 = (8.0, 12.0)
 """Mean specific force at the start: less or more is of another unit, or gravity was taken off."""
 AT_REST_radps = 0.005
-"""Rates within which a sensor of coarse steps repeats its samples."""
+"""Rates beyond its offset within which a sensor of coarse steps repeats its samples."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +174,10 @@ class Navigator:
             self._waiting.append((stamped.stamp, reading, source))
         return None
 
+    def _is_at_rest(self, p: float, q: float, r: float) -> bool:
+        """Whether rates of a sensor, in whatever axes, may be those of rest: its offset, to a few of its steps."""
+        return max(abs(p), abs(q), abs(r)) < AT_REST_radps + math.hypot(*self._attitude.bias_radps)
+
     def _inertial(self, stamp: Stamp, reading: Inertial, source: str) -> Stamped[Navigation] | None:
         """Add one sample to the sums of the tick; a Navigation comes back when it completes one.
 
@@ -189,7 +193,7 @@ class Navigator:
         self._disordered = 0
         ex, ey, ez, o, n, m = before = self._sample
         self._sample = (fx, fy, fz, p, q, r)
-        if self._sample != before or (self._coarse and max(abs(p), abs(q), abs(r)) < AT_REST_radps):
+        if self._sample != before or (self._coarse and self._is_at_rest(p, q, r)):
             self._changed = stamp
         if dt > self._knobs.longest_gap_s:
             self._restart(stamp)
