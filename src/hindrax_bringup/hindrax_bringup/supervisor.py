@@ -30,6 +30,7 @@ from hindrax_bringup.stack_lock import HEARTBEATS, runtime_folder
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_ros.heartbeat import VARIABLE, beaten_s
+from hindrax_ros.standstill import STOOD_STILL
 
 PATIENCE_S = (5.0, 2.0, 2.0)
 RESTARTS_AT_MOST = 5
@@ -175,6 +176,8 @@ class Supervisor:
             return ""
         how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
         how = f"was frozen ({child.frozen}), and killed" if child.frozen else how
+        if code == STOOD_STILL:  # as often as the machine does: nothing is wrong with the process
+            how, child.restarts = "stood still, and ROS may have lost it", 0
         where = self.logs / f"{child.process.name}.log"
         if now_s - child.started_s >= WELL_AFTER_S:
             child.restarts = 0

@@ -37,6 +37,8 @@ def main():
     bulb = subprocess.Popen(["sleep", "600"], start_new_session=True)
     print("lit", *sys.argv[1:], flush=True)
     pathlib.Path(os.environ["HINDRAX_HEARTBEAT"]).write_text(str(time.monotonic()))
+    if sys.argv[1:] == ["still"]:
+        sys.exit(75)
     time.sleep(600)
 if __name__ == "__main__":
     main()
@@ -232,6 +234,15 @@ def test_the_budget_of_restarts_refills_after_a_good_time(
         child.handle.kill()
         assert "restarted" in reported(supervisor)[0]
     assert child.restarts == restarts
+
+
+def test_a_process_that_stood_still_begins_anew_however_often_the_machine_does(supervisor: Supervisor) -> None:
+    supervisor.restarts = 1
+    child = start(supervisor, arguments=["still"])
+    for _ in range(3):
+        (printed,) = reported(supervisor)
+        assert printed.startswith("lamps stood still, and ROS may have lost it; restarted (see ")
+    assert not child.ended
 
 
 def test_who_receives_no_signal_is_killed_however_often_the_end_is_interrupted(

@@ -31,6 +31,7 @@ from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.stack_runner import _require_same, awaited
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.signals import Navigation
+from hindrax_ros.standstill import LONGEST_STANDSTILL_S
 
 NAMES = {"d": SPACE}
 
@@ -136,6 +137,20 @@ def test_the_profile_allows_loopback_and_the_tether_and_asks_the_peers() -> None
     assert profile.findtext(".//d:useBuiltinTransports", None, NAMES) == "false"
     (often,) = profile.findall(".//d:leaseAnnouncement", NAMES)
     assert [(one.tag.rpartition("}")[2], one.text) for one in often] == [("sec", "1")], "each goes to 32 ports"
+
+
+@pytest.mark.parametrize("tether", [False, True])
+def test_nobody_is_forgotten_before_it_would_begin_anew(*, tether: bool) -> None:
+    """A lease ends so long after the last announcement; a process that stood still for less goes on (ADR 13)."""
+    text = loopback_profile().read_text()
+    profile = ET.fromstring(tether_profile(Tether("eth0"), text) if tether else text)
+
+    def seconds(name: str) -> float:
+        (found,) = profile.findall(f".//d:{name}", NAMES)
+        units = {"sec": 1.0, "nanosec": 1e-9}
+        return sum(float(one.text or "nan") * units[one.tag.rpartition("}")[2]] for one in found)
+
+    assert seconds("leaseDuration") - seconds("leaseAnnouncement") >= LONGEST_STANDSTILL_S
 
 
 def test_without_peers_they_are_found_by_multicast() -> None:

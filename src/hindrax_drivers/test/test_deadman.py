@@ -35,6 +35,7 @@ from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_drivers.output.output_thread import BEAT_S
 from hindrax_ros.heartbeat import VARIABLE
+from hindrax_ros.standstill import STOOD_STILL
 
 NOW = stamp_from_s(100.0)
 
@@ -142,6 +143,16 @@ def test_however_often_the_node_crashes_it_is_started_again_ever_later(
     assert capsys.readouterr().err.splitlines()[0] == first
     assert (code, waits) == (0, [*BACK_OFF_S[1:], *[BACK_OFF_S[-1]] * 4])
     assert ["", *["the node ended with 1"] * 8] == ENDS
+
+
+def test_a_node_that_stood_still_is_started_at_once_however_often(
+    man: DeadMan, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, waits = run(man, monkeypatch, Child(STOOD_STILL), Child(STOOD_STILL), Child(0))
+    assert waits == [0.0, 0.0]
+    said = "thrusters: the node had stood still; neutral is on the wire, it restarts in 0 s"
+    assert capsys.readouterr().err.splitlines() == [said] * 2
+    assert ["", *["the node had stood still"] * 2] == ENDS
 
 
 def test_a_node_that_was_well_for_long_is_started_at_once(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:

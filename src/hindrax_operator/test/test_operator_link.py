@@ -146,3 +146,16 @@ def test_who_sends_has_a_time_to_stamp_with(monkeypatch: pytest.MonkeyPatch) -> 
         clock_that_arrives(operator, monkeypatch)
         with operator.sender(OPERATOR_WRENCH, "a reader"):
             assert operator.now() == NOW
+
+
+def test_after_a_standstill_its_order_ends_with_the_remedy_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    with Operator(mock=False) as operator:
+        operator.spin()
+        assert not operator.forgotten
+        operator._watch._standstills.append(8.2)
+        said = "this program stood still for 8 s, and ROS may have lost it; start it again"
+        with pytest.raises(HindraxError, match=f"^{said}$"):
+            operator.pause(10.0)
+        assert operator.forgotten
+        operator.spin()

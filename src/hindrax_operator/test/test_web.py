@@ -725,3 +725,33 @@ def test_the_heartbeat_is_that_of_whoever_looks(monkeypatch: pytest.MonkeyPatch)
     for looks[-1] in (True, False, False, True, True):
         link._tick()
     assert operator.beats == [False, True]
+
+
+def test_a_link_that_may_have_been_forgotten_joins_the_graph_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So it does when the stack, which stood still as well, is still starting; only the first time must succeed."""
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.AGAIN_S", 0.0)
+    monkeypatch.setattr("hindrax_operator.nodes.cameras.Cameras", lambda _node: None)
+    link = GraphLink(None, sim_time=False)
+    joined: list[Any] = []
+
+    def turn(operator: Any) -> None:
+        operator.turns += 1
+        if len(joined) == 4:
+            link._over.set()
+        operator.forgotten = operator.turns == 3
+        if operator.forgotten and len(joined) == 1:
+            raise HindraxError("it stood still")
+
+    @contextlib.contextmanager
+    def join() -> Iterator[Any]:
+        operator = Message(node=None, turns=0, forgotten=False, beat=lambda **_: None)
+        operator.spin = lambda _seconds: turn(operator)
+        joined.append(operator)
+        if len(joined) == 3:
+            raise HindraxError("waited 5 s for the clock of the mock; is its stack still up?")
+        yield operator
+
+    monkeypatch.setattr(link, "_join", join)
+    link.run()
+    assert link.error is None
+    assert [operator.turns for operator in joined] == [3, 3, 0, 1]

@@ -19,8 +19,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
-from hindrax_ros.heartbeat import HeartbeatFile
+from hindrax_ros.heartbeat import VARIABLE, HeartbeatFile
 from hindrax_ros.parameters import warn_of_unknown_parameters
+from hindrax_ros.standstill import STOOD_STILL, StandstillWatch
 
 REMAP, RENAMES = ("-r", "--remap"), ("__node:=", "__name:=")
 LONGEST_END_S = 60
@@ -58,7 +59,8 @@ def spin(
     """Make the nodes, spin them until a stop signal, close them.
 
     A node that owns something (a port, a thread, a file) offers `close()`, called before it is destroyed. An exception
-    in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again.
+    in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again. So does
+    a process that has a supervisor and stood still for too long (`standstill`).
 
     Parameters
     ----------
@@ -79,6 +81,7 @@ def spin(
     arguments = scoped(sys.argv if arguments is None else arguments, renamed)
     stop, heartbeat = stop or StopSignal(), HeartbeatFile(os.environ)
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    watch = StandstillWatch()
     nodes: Sequence[Node] = ()
     executor = events_executor()
     try:
@@ -96,6 +99,8 @@ def spin(
         while not stop.asked:
             loop.spin_once()
             heartbeat.beat(time.monotonic())
+            if (still_s := watch.stood_still_s()) and _begins_anew(still_s):
+                return STOOD_STILL
     finally:
         for node in nodes:
             getattr(node, "close", lambda: None)()
@@ -106,7 +111,17 @@ def spin(
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
+        watch.close()
     return 0
+
+
+def _begins_anew(still_s: float) -> bool:
+    """Whether this process is to end, after a standstill, since a supervisor starts it again; says so."""
+    supervised = bool(os.environ.get(VARIABLE))
+    remedy = "it begins anew" if supervised else "if others do not hear it, start it again"
+    found = f"this process stood still for {still_s:.1f} s, and ROS may have lost it"
+    print(f"{found}: {remedy}", file=sys.stderr, flush=True)  # noqa: T201  # for the operator, in the log of the process
+    return supervised
 
 
 def scoped(arguments: Sequence[str], node: str) -> list[str]:

@@ -7,6 +7,9 @@ import pytest
 
 from hindrax_core.testing import load_profile
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ros.testing.fixtures import ros_domain
+
+__all__ = ["ros_domain"]
 
 load_profile()
 sys.path.insert(0, str(Path(__file__).parent))  # the helpers of these tests

@@ -1,6 +1,7 @@
 """Hardware that ends together with its clients: the thruster output is written last."""
 
 import threading
+import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -8,7 +9,15 @@ from pathlib import Path
 import pytest
 from vehicles_beside import vehicle_beside
 
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+
 from hindrax_core.bus_operations import run
+from hindrax_core.topics import CLOCK, NAMESPACE
 from hindrax_drivers.buses.clock import pause
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.devices.pca9685 import pca9685_of
@@ -16,6 +25,7 @@ from hindrax_drivers.output.output_guard import guard_of
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.nodes.hardware_process import outlast_output
+from hindrax_sim.nodes.mock import ClockPublisher
 
 VEHICLE = vehicle_beside()
 CHIP = pca9685_of(VEHICLE, guard_of(VEHICLE).neutral.all_us)
@@ -66,3 +76,45 @@ def test_who_reads_only_or_stays_is_not_waited_for(mock: MockVehicle, name: str,
     client.join_bus()
     outlast_output(mock, shutdown_s)
     assert mock.serve_clients(0.0) == [name]
+
+
+def test_after_a_standstill_the_clock_of_a_mock_is_published_by_another_participant(
+    mock: MockVehicle, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The vehicle goes on: its process cannot begin anew as all others do."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    with ClockPublisher(mock, NAMESPACE) as clock:
+
+        def heard() -> tuple[int, ...]:
+            """Identifier of the one publisher of the clock, as another participant sees it."""
+            end_s = time.monotonic() + 20.0
+            while time.monotonic() < end_s:
+                found = listener.get_publishers_info_by_topic(CLOCK)
+                if len(found) == 1 and found[0].endpoint_gid not in before:
+                    mock.step()
+                    executor.spin_once(timeout_sec=0.01)
+                    if seen:
+                        return tuple(found[0].endpoint_gid)
+                time.sleep(0.01)
+            return ()
+
+        context = Context()
+        context.init()
+        listener = Node("listener", context=context, enable_rosout=False, start_parameter_services=False)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(listener)
+        seen: list[object] = []
+        listener.create_subscription(Clock, CLOCK, seen.append, 1)
+        before: list[list[int]] = []
+        first = heard()
+        assert first
+        assert not clock.keep()
+        before.append(list(first))
+        clock._watch._standstills.append(8.0)
+        assert clock.keep()
+        seen.clear()
+        assert heard()
+        executor.shutdown()
+        listener.destroy_node()
+        context.shutdown()

@@ -46,6 +46,7 @@ from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_drivers.nodes.zero_forces import ZeroForces
 from hindrax_drivers.output.force_output import DEVICE as FORCES
 from hindrax_ros.heartbeat import VARIABLE, HeartbeatFile
+from hindrax_ros.standstill import STOOD_STILL
 
 if TYPE_CHECKING:
     from hindrax_drivers.devices.ardupilot.farewell import Farewell
@@ -275,9 +276,10 @@ class DeadMan:
             self._answer("the node had ended, or was killed because it did not disarm")
             if self._asked_s is not None or code in (0, UsageError.exit_code):
                 break
-            failures = 0 if time.monotonic() - child.started_s > WELL_AFTER_S else failures + 1
+            well = code == STOOD_STILL or time.monotonic() - child.started_s > WELL_AFTER_S
+            failures = 0 if well else failures + 1
             wait_s = BACK_OFF_S[min(failures, len(BACK_OFF_S) - 1)]
-            ended = f"the node ended with {code}"
+            ended = "the node had stood still" if code == STOOD_STILL else f"the node ended with {code}"
             report(f"{ended}; neutral is on the wire, it restarts in {wait_s:g} s")
             if not self._wait(wait_s):
                 break

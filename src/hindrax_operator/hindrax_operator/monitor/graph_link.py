@@ -31,6 +31,7 @@ FLY_S = 3600.0
 LOST_S = 30.0
 """Silence after which the end of a maneuver is no longer awaited."""
 CLOSE_S = 10.0
+AGAIN_S = 1.0
 
 Order = Callable[["Operator"], str]
 
@@ -123,21 +124,35 @@ class GraphLink(threading.Thread):
         self.join(CLOSE_S)
 
     def run(self) -> None:
-        """Spin the node, take snapshots, carry out the orders."""
+        """Stay in the graph; join it anew after a standstill, which it may not have survived."""
         try:
-            with self._join() as operator:
-                from hindrax_operator.nodes.cameras import Cameras  # noqa: PLC0415  # rclpy is loaded by now
-
-                self._operator, self._cameras = operator, Cameras(operator.node)
-                self._up.set()
-                while not self._over.is_set():
-                    operator.spin(TURN_S)
-                    if not self._orders.empty():
-                        self._waiting = True
-                        self._carry_out(operator, *self._orders.get())
-                        self._waiting = False
+            while not self._over.is_set():
+                try:
+                    self._operator = None
+                    with self._join() as operator:
+                        self._serve(operator)
+                except HindraxError:  # after a standstill the stack is also starting again
+                    if not self._up.is_set():
+                        raise
+                    self._over.wait(AGAIN_S)
         except Exception as error:  # noqa: BLE001  # handed to the thread that waits, which raises it
             self.error = error
+
+    def _serve(self, operator: Operator) -> None:
+        """Spin the node, take snapshots, carry out the orders."""
+        from hindrax_operator.nodes.cameras import Cameras  # noqa: PLC0415  # rclpy is loaded by now
+
+        operator.beat(on=self._beating)
+        self._operator, self._cameras = operator, Cameras(operator.node)
+        self._up.set()
+        while not self._over.is_set():
+            operator.spin(TURN_S)
+            if operator.forgotten:  # it was told within an order
+                return
+            if not self._orders.empty():
+                self._waiting = True
+                self._carry_out(operator, *self._orders.get())
+                self._waiting = False
 
     def _tick(self) -> None:
         operator = self._operator

@@ -46,6 +46,7 @@ from hindrax_ros.batched_node import BatchedNode, events_executor
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import estimate_from_msg, stamp_from_msg, stamp_to_msg
 from hindrax_ros.messages.fast_serialization import navigation_from_bytes
+from hindrax_ros.standstill import StandstillWatch
 
 T = TypeVar("T")
 ActionGoal: TypeAlias = FlyManeuver.Goal | RunExperiment.Goal
@@ -103,11 +104,15 @@ class Operator:
         self._run = ActionClient(self.node, RunExperiment, "ident/run")
         self._cancel = self.node.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
         self._goal: ClientGoalHandle | None = None
+        self._watch = StandstillWatch()
+        self.forgotten = False
+        """Whether it stood still for so long that the vehicle may not hear it any more, nor it the vehicle."""
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._watch.close()
         self._fly.destroy()
         self._run.destroy()
         self._executor.shutdown()
@@ -265,10 +270,18 @@ class Operator:
             self.spin()
 
     def spin(self, seconds: float = 0.05) -> None:
-        """Spin once: answers and timers, the last message of every topic, then the caller's tick."""
+        """Spin once: answers and timers, the last message of every topic, then the caller's tick.
+
+        HindraxError, once, after a standstill of this process (Ctrl-Z, a laptop that was closed).
+        """
         with deferred_signals():
             self._executor.spin_once(timeout_sec=seconds)
             self.node.drain()
+        if still_s := self._watch.stood_still_s():
+            self.forgotten = True
+            raise HindraxError(
+                f"this program stood still for {still_s:.0f} s, and ROS may have lost it; start it again"
+            )
         self._tick()
 
     def wait(self, done: Callable[[], bool], seconds: float, what: Callable[[], str]) -> None:

@@ -7,20 +7,21 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Self
 
 import rclpy
-from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, to_s
 from hindrax_core.topics import CLOCK, NAMESPACE
 from hindrax_core.vehicle import Hydrodynamics, load_vehicle
 from hindrax_ros.heartbeat import HeartbeatFile
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.process import StopSignal
+from hindrax_ros.standstill import StandstillWatch
 from hindrax_sim.conditions.known_coefficients import known_coefficients
 from hindrax_sim.conditions.world_table import CONDITIONS, IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
@@ -55,22 +56,39 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-@contextlib.contextmanager
-def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[Node]:
-    """Publish /clock at 25 Hz of the mock's time."""
-    with graph(namespace):
-        node = rclpy.create_node("mock", namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False)
-        out = node.create_publisher(Clock, CLOCK, 1)
+class ClockPublisher:
+    """Publishes /clock at 25 Hz of the mock's time; a context manager."""
 
-        def show(now: Stamp) -> None:
-            if (now // STEP_ns) % CLOCK_EVERY == 0:
-                out.publish(Clock(clock=stamp_to_msg(now)))
+    def __init__(self, mock: MockVehicle, namespace: str) -> None:
+        self._namespace, self._watch = namespace, StandstillWatch()
+        self._place = contextlib.ExitStack()
+        self._join()
+        mock.after_step.append(self._show)
 
-        mock.after_step.append(show)
-        try:
-            yield node
-        finally:
-            node.destroy_node()
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._watch.close()
+        self._place.close()
+
+    def _join(self) -> None:
+        self._place.enter_context(graph(self._namespace))
+        self.node = rclpy.create_node("mock", namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False)
+        self._place.callback(self.node.destroy_node)
+        self._out = self.node.create_publisher(Clock, CLOCK, 1)
+
+    def keep(self) -> bool:
+        """Join the graph anew after a standstill, for which the vehicle cannot be restarted; whether that was so."""
+        if not self._watch.stood_still_s():
+            return False
+        self._place.close()
+        self._join()
+        return True
+
+    def _show(self, now: Stamp) -> None:
+        if (now // STEP_ns) % CLOCK_EVERY == 0:
+            self._out.publish(Clock(clock=stamp_to_msg(now)))
 
 
 def run(words: argparse.Namespace, folder: Path) -> int:
@@ -86,11 +104,11 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     with MockVehicle(hardware, folder, rate=words.rate, waits=not words.no_wait) as mock:
         with (
             Path(words.truth or os.devnull).open("w", buffering=1, encoding="ascii") as log,
-            contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace) as node,
+            contextlib.nullcontext() if words.no_ros else ClockPublisher(mock, words.namespace) as clock,
         ):
             link = None
-            if elsewhere is not None and node is not None and isinstance(hardware.world.plant, FollowedPlant):
-                link = SimulatorLink(node, elsewhere, vehicle, hardware.world.plant)
+            if elsewhere is not None and clock is not None and isinstance(hardware.world.plant, FollowedPlant):
+                link = SimulatorLink(clock.node, elsewhere, vehicle, hardware.world.plant)
                 link.wait_for_first(lambda: stop.asked)
                 mock.after_step.append(link.push)
             if words.truth:
@@ -106,6 +124,8 @@ def run(words: argparse.Namespace, folder: Path) -> int:
                     mock.serve_clients(0.0)
                 if link is not None:
                     link.serve(0.0 if link.may_step() else TURN_S)
+                if clock is not None and clock.keep() and link is not None:
+                    raise HindraxError("the computer stood still, and the simulator may have lost it; start both again")
                 heartbeat.beat(time.monotonic())
             outlast_output(mock)
             if link is not None:
