@@ -9,6 +9,7 @@ from hindrax_core.driver_interface import Trouble
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.hydrostatics import Water
+from hindrax_core.readings import Reading
 from hindrax_core.sensor_table import Wire
 from hindrax_core.vehicle import Mount, Vehicle
 
@@ -100,3 +101,24 @@ class SilenceMonitor:
         if self.condition == "silent":
             found = f"no byte for {self._stall_s:g} s", "check power, cable and port"
         return [Trouble(stamp, f"{self._name}: {found[0]}, wanted {self._wanted}; {found[1]}")]
+
+
+class MeasurementMonitor:
+    """Which measurement of a device with several does not come, by kinds of readings and what they are for."""
+
+    def __init__(self, needed: Mapping[type[Reading], str], stale_s: float) -> None:
+        self._needed, self._stale_s = needed, stale_s
+        self._last: dict[type[object], Stamp] = {}
+
+    def received(self, reading: object, stamp: Stamp) -> None:
+        """Note a reading."""
+        self._last[type(reading)] = stamp
+
+    def missing(self, now: Stamp, trouble: str) -> str:
+        """What does not come, with the `trouble` that the device has reported last; empty where all come."""
+        for kind, what in self._needed.items():
+            last = self._last.get(kind)
+            if last is None or seconds_between(last, now) > self._stale_s:
+                since = "yet" if last is None else f"for {seconds_between(last, now):.1f} s"
+                return f"no {what} {since}; {trouble or f'check its sensor of {what}'}"
+        return ""

@@ -3,7 +3,8 @@
 import pytest
 
 from hindrax_core.events import stamp_from_s
-from hindrax_drivers.driver import SilenceMonitor
+from hindrax_core.readings import Inertial, Pressure
+from hindrax_drivers.driver import MeasurementMonitor, SilenceMonitor
 
 STALL_S = 3.0
 
@@ -47,3 +48,14 @@ def test_a_line_that_is_opened_again_begins_anew(monitor: SilenceMonitor) -> Non
     monitor.restart(stamp_from_s(120.0))
     assert monitor.condition == "well"
     assert reported(monitor, 123.0) == []
+
+
+def test_a_measurement_that_does_not_come_is_named_while_the_others_do() -> None:
+    made = MeasurementMonitor({Inertial: "rates", Pressure: "depth"}, 1.0)
+    for at_s in (1.0, 2.0, 3.0):
+        made.received(Inertial((0.0, 0.0, -9.8), (0.0, 0.0, 0.0), 20.0), stamp_from_s(at_s))
+    assert made.missing(stamp_from_s(3.0), "barometer 2 is silent") == "no depth yet; barometer 2 is silent"
+    made.received(Pressure(101325.0, 20.0), stamp_from_s(3.0))
+    assert made.missing(stamp_from_s(3.5), "barometer 2 is silent") == ""
+    made.received(Inertial((0.0, 0.0, -9.8), (0.0, 0.0, 0.0), 20.0), stamp_from_s(6.0))
+    assert made.missing(stamp_from_s(6.0), "") == "no depth for 3.0 s; check its sensor of depth"

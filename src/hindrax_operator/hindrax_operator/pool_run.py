@@ -32,6 +32,7 @@ from hindrax_core.errors import INTERRUPTED, HindraxError
 from hindrax_core.text.refusals import NOTHING, STOPPED, Reason, Refusal
 from hindrax_core.text.screen_text import fitted, print_fitted, print_stderr, screen_width
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_drivers.output.output_reasons import LEFT_ARMED
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.operator_view import OperatorLink, OperatorView
 from hindrax_operator.progress import Progress
@@ -354,6 +355,7 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "a message from the thrusters")
         await_steady_state(operator, reported, progress)
+        require_measurements(reported)
         progress.report(f"{state_before_arming(reported)}; arming, which holds neutral for the time that the ESCs need")
         if options.plan_is_the_pilots:
             found = operator.awaited(lambda: operator.plans, UP_S, lambda: "the plans of the pilot")
@@ -380,7 +382,7 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
             flight.wall_s = time.monotonic() - wall
             flight.vehicle_s = (operator.now() - begin) / 1e9
         progress.end_view()
-        progress.report("disarmed")
+        progress.report(end_of_flight(operator.thrusters.reason if operator.thrusters is not None else ""))
 
 
 def _fly_motions(options: PoolOptions, operator: OperatorLink, progress: Progress) -> Refusal:
@@ -392,6 +394,13 @@ def _fly_motions(options: PoolOptions, operator: OperatorLink, progress: Progres
     if reached:
         progress.report(f"experiment: {reached}")
     return aborted
+
+
+def end_of_flight(reason: str) -> str:
+    """Whether an autopilot at the far end is disarmed as well, by the reason of the state of the thrusters."""
+    return (
+        "disarmed; the autopilot does not say so: disarm it at a ground station" if LEFT_ARMED in reason else "disarmed"
+    )
 
 
 @contextlib.contextmanager
@@ -439,11 +448,34 @@ def await_steady_state(operator: Operator, reported: Mapping[str, str], progress
 
     def settled() -> bool:
         late = operator.now() - begin > 1e9 * STEADY_S or time.monotonic() - wall > STEADY_S
-        return late or all(reported.get(name) == "" for name in STATE_NODES)
+        return late or (all(reported.get(name) == "" for name in STATE_NODES) and not _unmeasured(reported))
 
     if not settled():
         progress.report("waiting until the state of the vehicle is settled")
         operator.wait(settled, 2.0 * STEADY_S, lambda: "the state of the vehicle")
+
+
+def require_measurements(reported: Mapping[str, str]) -> None:
+    """Refuse to arm without a measurement that every maneuver needs: it would end as it begins.
+
+    Parameters
+    ----------
+    reported
+        Trouble of each node, as `report_devices` keeps it.
+
+    Raises
+    ------
+    HindraxError
+        With what the pilot's guard says, and what a device says of it.
+    """
+    if missing := _unmeasured(reported):
+        raise HindraxError(f"not armed: {missing}")
+
+
+def _unmeasured(reported: Mapping[str, str]) -> str:
+    """What the pilot's guards find of a sensor, with the remedy; empty where nothing is missing."""
+    _, guard, found = reported.get("pilot", "").partition(f"{Reason.SENSOR_AGE.name.lower()}: ")
+    return f"{guard}{found}"
 
 
 def state_before_arming(reported: Mapping[str, str]) -> str:

@@ -8,11 +8,14 @@ from typing import Any
 import pytest
 
 from hindrax_core.errors import HindraxError
+from hindrax_drivers.output.output_reasons import LEFT_ARMED
 from hindrax_operator.pool_run import (
     ABORT,
     CONTINUE,
     await_steady_state,
+    end_of_flight,
     report_devices,
+    require_measurements,
     state_before_arming,
     watch_record,
     watch_thrusters,
@@ -62,6 +65,21 @@ def test_what_is_not_well_is_not_called_up_before_the_arming() -> None:
     assert state_before_arming(well) == "sensors and thrusters are up"
     silent = well | {"dvl75": "no byte for 1 s", "ms5837": "absent"}
     assert state_before_arming(silent) == "the thrusters are up, but not healthy: dvl75, ms5837"
+
+
+def test_without_a_measurement_that_every_maneuver_needs_nothing_is_armed() -> None:
+    age = (
+        "sensor_age: depth from autopilot received never, wanted at most 1.00 s; check the autopilot and its barometer"
+    )
+    require_measurements({"pilot": "battery: 12.4 V, wanted at least 13.0 V; charge the battery", "thrusters": "hot"})
+    with pytest.raises(HindraxError) as refused:
+        require_measurements({"pilot": f"battery: 12.4 V; {age}"})
+    assert str(refused.value) == f"not armed: {age}"
+
+
+def test_an_autopilot_that_is_left_armed_is_told_of_at_the_end() -> None:
+    assert end_of_flight("the autopilot has fallen silent") == "disarmed"
+    assert end_of_flight(f"the autopilot has fallen silent; {LEFT_ARMED}").endswith("disarm it at a ground station")
 
 
 def test_a_thruster_that_is_left_out_in_flight_is_told_of_at_once_and_once() -> None:

@@ -31,6 +31,8 @@ class NodeDiagnostics:
     note: str = ""
     alarm: str = ""
     """Finding that the operator must act on, while the device itself is healthy."""
+    missing: str = ""
+    """Measurement that does not come while others do; empty when all do."""
     withheld: str = ""
     """Reason why an operator has it publish nothing; empty when he has not."""
 
@@ -91,8 +93,8 @@ class NodeDiagnostics:
         if age > stale_s:
             since = f"for {age:.1f} s" if self.last_reading is not None else "since it answered"
             return DiagnosticStatus.ERROR, f"no reading {since}; {self.trouble or 'line is silent'}"
-        if self.alarm:
-            return DiagnosticStatus.ERROR, self.alarm
+        if self.missing or self.alarm:
+            return DiagnosticStatus.ERROR, self.missing or self.alarm
         return DiagnosticStatus.OK, self.note or "measuring"
 
 

@@ -39,6 +39,7 @@ READ: dict[str, object] = {
     "attitude": Attitude(5000, (0.125, -0.25, 1.5), (0.5, -0.75, 0.0625)),
     "pressure": Barometer(5000, 2, 121325.0, 18.5),
     "supply": Supply(15.23, 4.12),
+    "supply_unhealthy": Supply(15.23, 4.12, 0x08),
     "servos": ServoOutput(77, (*map(float, range(1500, 1508)), 1100.0, *(0.0,) * 7)),
     "distance": Distance(9, 2.15, 25, 1.0),
     "parameter": ParameterValue("FRAME_CONFIG", 2.0),
@@ -151,6 +152,32 @@ def barometers(
     return outputs
 
 
+def test_the_pressure_of_a_depth_sensor_that_is_not_healthy_is_none() -> None:
+    """ArduSub goes on sending the last one."""
+    sensor, end = Sensor(ArduSubKnobs(barometer=2)), ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1)
+    sensor.start(stamp_from_s(0.0))
+    sensor.feed(bytes(end.heartbeat_encode(12, 3, 0, 0, 4).pack(end)), stamp_from_s(0.1))
+    found: list[str] = []
+    for step, health in enumerate((8, 8, 0, 0, 8)):
+        for made in (
+            end.sys_status_encode(8, 8, health, 0, 15000, 100, -1, *(0,) * 6),
+            end.scaled_pressure2_encode(100 * step, 1013.0 + step, 0.0, 2000),
+        ):
+            outputs = sensor.feed(bytes(made.pack(end)), stamp_from_s(0.2 + step))
+            found += [one.text if isinstance(one, Trouble) else type(one).__name__ for one in outputs]
+    ill = "ardusub: the depth sensor is not healthy, it says: no depth; check the sensor, its cable and its supply"
+    wanted = [
+        "Stamped",
+        "Stamped",
+        ill,
+        "Rejected",
+        "Rejected",
+        "ardusub: the depth sensor is healthy again",
+        "Stamped",
+    ]
+    assert found == wanted
+
+
 def test_a_pressure_that_is_sent_twice_is_measured_once() -> None:
     found = [one for one in barometers(ArduSubKnobs(barometer=1), {1: 5.0}, times=2) if isinstance(one, Stamped)]
     pressures = [one for one in found if isinstance(one.reading, Pressure)]
@@ -180,6 +207,7 @@ def test_a_barometer_that_gives_no_pressure_of_water_is_named_once(barometer: in
         (None, {1: 5.0, 2: 20.0}, 1033.0, ""),  # a BlueROV2: the second is the Bar30
         (None, {1: 5.0, 2: 2000.0}, None, "barometer 2 has a noise of"),  # a SITL: the second is none of depth
         (None, {1: 5.0}, None, "barometer 2 is silent"),  # a Bar30 that died; or a board without a barometer of its own
+        (1, {2: 5.0}, None, "barometer 1 is silent: no depth; check the depth sensor"),
         (1, {1: 5.0, 2: 2000.0}, 1023.0, ""),
         (2, {1: 5.0, 2: 2000.0}, 1033.0, ""),  # who names one gets it
     ],
@@ -195,4 +223,4 @@ def test_depth_is_by_the_second_barometer_or_the_one_that_is_named_and_never_by_
     else:
         assert pressures_hPa[-1] == pytest.approx(wanted_hPa, abs=80.0 if barometer == 2 else 1.0)
     told = [one.text for one in outputs if isinstance(one, Trouble)]
-    assert [said in one and "barometer:=1" in one for one in told] == ([True] if said else []), told
+    assert [said in one and (barometer == 1 or "barometer:=1" in one) for one in told] == ([True] if said else []), told

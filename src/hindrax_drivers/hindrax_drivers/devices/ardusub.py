@@ -5,7 +5,8 @@ thruster output. It asks for its streams, and for nothing else: it is a companio
 
 The depth sensor of a BlueROV2 is the second barometer, beside that of the autopilot's board. A board without one has it
 as the first; so has a SITL, whose second is one of the air with a noise of 0.2 m. A second one that is silent, or
-noisier than a sensor of depth can be, is no depth, and said. The first is taken only where it is named: on a board it
+noisier than a sensor of depth can be, is no depth, and said. So is one that the autopilot calls unhealthy: it sends the
+last pressure of that for good. The first is taken only where it is named: on a board it
 measures the air of a sealed hull, in which a vehicle never gets deeper.
 
 The autopilot's IMU is read as any other: the navigator finds attitude and velocities from its samples, which come at
@@ -31,8 +32,10 @@ from hindrax_drivers.protocols.ardupilot import (
     SCALED_PRESSURE,
     SCALED_PRESSURE2,
     SCALED_PRESSURE3,
+    SYS_STATUS,
     Barometer,
     RawImu,
+    Supply,
 )
 from hindrax_drivers.protocols.mavlink import StatusText
 from hindrax_drivers.timebase import Timebase
@@ -44,6 +47,8 @@ NOISY_Pa, LOOK_S = 500.0, 1.0
 NO_SECOND_S = 3.0
 REPEATED_S = 0.3
 """Time for which an equal pressure is the same measurement; one that stays is then one after all."""
+DEPTH_SENSOR, HEALTH_Hz = 1 << 3, 2.0
+"""MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE, by which ArduSub means its sensor of depth."""
 LEAK = "Leak Detected"
 DRY_AFTER_S, LEAK_EVERY_S = 25.0, 1.0
 """ArduSub repeats its warning of a leak every 20 s."""
@@ -81,13 +86,14 @@ class ArduSub(Companion):
         self._baro_clock = Timebase(1e-3, latency_s=knobs.latency_s)
         self._barometer = BESIDE_BOARD if knobs.barometer is None else knobs.barometer
         self._pressed = self._said = False
-        streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[self._barometer - 1]: knobs.pressure_Hz}
+        streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[self._barometer - 1]: knobs.pressure_Hz, SYS_STATUS: HEALTH_Hz}
         super().__init__("ardusub", SECOND_COMPUTER, streams, knobs.stall_s)
 
     def _handlers(self) -> Handlers:
         handlers = Handlers()
         handlers.on(RawImu, self._on_imu)
         handlers.on(Barometer, self._on_barometer)
+        handlers.on(Supply, self._on_health)
         handlers.on(StatusText, self._on_text)
         return handlers
 
@@ -97,7 +103,7 @@ class ArduSub(Companion):
         self._first_Pa: list[float] = []
         self._first_noise_Pa = 0.0
         self._pressure_Pa, self._new_at = math.nan, Stamp(0)
-        self._plausible = False
+        self._plausible, self._healthy = False, True
         self._looking: Stamp | None = None
         self._ready_since: Stamp | None = None
         self._field_at = self._leak_at = Stamp(0)
@@ -131,7 +137,7 @@ class ArduSub(Companion):
         self._pressed = True
         # Asked for more often than it measures, the autopilot sends one measurement twice, with another time.
         repeated = one.pressure_Pa == self._pressure_Pa and seconds_between(self._new_at, stamp) < REPEATED_S
-        if repeated or self._is_old("pressure", 1000 * one.boot_ms):
+        if repeated or self._is_old("pressure", 1000 * one.boot_ms) or not self._healthy:
             return [Rejected(stamp, reject(RejectCode.REPEATED, "pressure"), b"")]
         self._pressure_Pa, self._new_at = one.pressure_Pa, stamp
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
@@ -144,6 +150,13 @@ class ArduSub(Companion):
         if self._first_noise_Pa > NOISY_Pa:
             return self._no_depth(stamp, f"has a noise of {self._first_noise_Pa:.0f} Pa")
         return [Stamped(self._baro_clock.map(one.boot_ms, stamp), Pressure(one.pressure_Pa, one.temperature_C))]
+
+    def _on_health(self, one: Supply, stamp: Stamp) -> list[Output]:
+        before, self._healthy = self._healthy, not one.unhealthy & DEPTH_SENSOR
+        if self._healthy == before:
+            return []
+        ill = "is not healthy, it says: no depth; check the sensor, its cable and its supply"
+        return [Trouble(stamp, f"ardusub: the depth sensor {'is healthy again' if self._healthy else ill}")]
 
     def _seen(self, pressure_Pa: float, stamp: Stamp) -> bool:
         """Whether a barometer that nobody named was looked at for a while: only then its word counts."""
@@ -158,10 +171,10 @@ class ArduSub(Companion):
 
     def _no_depth(self, stamp: Stamp, why: str) -> list[Output]:
         """Say that the barometer is none of depth, and what to do where another is."""
-        if self._knobs.barometer is not None:
-            return []
-        remedy = "check the depth sensor; where it is barometer 1, as in a SITL: `--set NAME.barometer:=1`"
-        return self._tell_once(stamp, f"barometer 2 {why}: no depth; {remedy}, NAME as in the vehicle file")
+        remedy = "check the depth sensor"
+        if self._knobs.barometer is None:
+            remedy += "; where it is barometer 1, as in a SITL: `--set NAME.barometer:=1`, NAME as in the vehicle file"
+        return self._tell_once(stamp, f"barometer {self._barometer} {why}: no depth; {remedy}")
 
     def _no_pressure(self, stamp: Stamp, found_Pa: float) -> list[Output]:
         """Say that the barometer has given no pressure of water yet."""

@@ -7,7 +7,7 @@ Only an active node publishes readings; a finalized one publishes nothing but it
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from itertools import cycle
 from typing import TypeVar
 
@@ -16,9 +16,10 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped
-from hindrax_core.readings import DeviceText, Inertial, Leak
+from hindrax_core.readings import DeviceText, Inertial, Leak, Pressure, Reading
 from hindrax_core.topics import Topic
 from hindrax_core.vehicle import Vehicle
+from hindrax_drivers.driver import MeasurementMonitor
 from hindrax_drivers.lifecycle import ON_REQUEST, State, Transition, next_transition, requested
 from hindrax_drivers.nodes.reading_messages import ReadingMessages, frame_of
 from hindrax_ros.batched_node import BatchedNode, PublishQueue
@@ -32,6 +33,8 @@ MessageT = TypeVar("MessageT")
 LIFECYCLE_PERIOD_S = 0.2
 REPORT_EVERY = 5
 STALE_S = 1.0
+NEEDED: Mapping[type[Reading], str] = {Inertial: "rates", Pressure: "depth"}
+"""Measurements without which no maneuver begins: of a sensor that has both, one may be missing while it is well."""
 WET = "water in the hull: surface, and open it; nothing is disabled automatically"
 WAS_WET = "there was water in the hull, and the probe is dry again: surface, and open it"
 
@@ -59,6 +62,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
         self._pressures_Hz = max(rates_Hz, default=0.0)
         """Every pressure comes with a temperature; only as many temperatures are published as the table says."""
         self._publish = {topic.name: self._publisher(topic) for topic in self._messages.topics}
+        self._measured = MeasurementMonitor(NEEDED if all(map(self._messages.accepts, NEEDED)) else {}, STALE_S)
         self._reporter = DiagnosticsPublisher(self)
         self._active = False
         self._wanted = State.ACTIVE
@@ -105,6 +109,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
 
     def _reading(self, stamped: Stamped[object]) -> None:
         self.health.reading(stamped.stamp)
+        self._measured.received(stamped.reading, stamped.stamp)
         if isinstance(stamped.reading, Leak):
             self._leak(wet=stamped.reading.wet)
         if not self._active:
@@ -181,6 +186,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
         self._turn = (self._turn + 1) % REPORT_EVERY
         if self._turn == 0:
             now = self.now()
+            self.health.missing = self._measured.missing(now, self.health.trouble)
             self._reporter.publish(now, self.health.report(f"hindrax: {self.get_name()}", now, STALE_S))
 
 

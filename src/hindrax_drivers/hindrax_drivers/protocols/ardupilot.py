@@ -101,10 +101,12 @@ class Version:
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """SYS_STATUS: voltage and current of the battery, NaN where it is not measured."""
+    """SYS_STATUS: voltage and current of the battery, NaN where it is not measured; sensors that are not healthy."""
 
     voltage_V: float
     current_A: float
+    unhealthy: int = 0
+    """MAV_SYS_STATUS_SENSOR of those that are enabled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +168,9 @@ FROM_AUTOPILOT: Readers = {
     0: READ[0],
     SYS_STATUS: (
         struct.Struct("<IIIHHh"),
-        lambda v: Supply(math.nan if v[4] == 0xFFFF else v[4] / 1e3, math.nan if v[5] < 0 else v[5] / 100.0),
+        lambda v: Supply(
+            math.nan if v[4] == 0xFFFF else v[4] / 1e3, math.nan if v[5] < 0 else v[5] / 100.0, v[0] & v[1] & ~v[2]
+        ),
     ),
     22: (struct.Struct("<fHH16sB"), lambda v: ParameterValue(_text(v[3]), v[0])),
     RAW_IMU: (struct.Struct("<Q9hBh"), _raw_imu),

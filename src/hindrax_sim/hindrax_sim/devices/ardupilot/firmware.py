@@ -126,6 +126,9 @@ class ArduSub(Part[AutopilotTruth]):
         """Text of a check that fails; empty when it arms."""
         self.refuses_modes = ""
         """Why it changes its mode for nobody."""
+        self.depth_healthy = True
+        """Whether its sensor of depth measures; else it sends the last pressure again and again."""
+        self._last_hPa = 1013.25
         self.unsupported: set[int] = set()
         """Commands that this firmware does not know."""
         self.version = VERSION
@@ -439,7 +442,20 @@ class ArduSub(Part[AutopilotTruth]):
     def _sys_status(self) -> Fields:
         truth = self._truth
         millivolts = 65534 if self._saturated else round(1e3 * truth.supply_V)
-        return (0, 0, 0, 0, millivolts, round(100.0 * truth.supply_A), *(0,) * 6, -1, 0, 0, 0)
+        depth = 1 << 3
+        return (
+            depth,
+            depth,
+            depth * self.depth_healthy,
+            0,
+            millivolts,
+            round(100.0 * truth.supply_A),
+            *(0,) * 6,
+            -1,
+            0,
+            0,
+            0,
+        )
 
     def _raw_imu(self) -> Fields:
         """In mg, mrad/s and mG."""
@@ -470,7 +486,8 @@ class ArduSub(Part[AutopilotTruth]):
 
     def _pressure(self) -> Fields:
         pascal = 3.1e6 if self._saturated else self._truth.water_Pa + self._random.normal(0.0, 20.0)
-        return self._ms, pascal / 100.0, 0.0, round(100.0 * self._truth.water_C), 0
+        self._last_hPa = pascal / 100.0 if self.depth_healthy else self._last_hPa
+        return self._ms, self._last_hPa, 0.0, round(100.0 * self._truth.water_C), 0
 
     def _autopilot_version(self) -> Fields:
         major, minor, patch = self.version
