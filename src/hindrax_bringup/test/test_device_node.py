@@ -159,6 +159,14 @@ def test_a_device_that_was_lost_comes_back_to_what_was_asked_for(bench: Bench, s
     bench.says(readings=state == "active", frames=state != "finalized")
 
 
+def test_the_last_frames_of_a_wire_are_published_when_its_node_closes(bench: Bench) -> None:
+    at_stop = Stamp(3_000_000_000)
+    bench.node.stop = lambda: bench.node.frame(at_stop, sent=True, data=b"\x02")
+    bench.says(readings=True)
+    bench.node.close()
+    bench.until(lambda: [stamp for one in bench.frames for stamp in one.stamps][-1] == at_stop, "the last frame")
+
+
 def test_absent_from_the_start_it_is_shut_down_and_stays_so(bench: Bench) -> None:
     bench.found = False
     bench.comes_to("unconfigured")

@@ -17,7 +17,7 @@ class FrameTap:
     """Collects the frames of one source and publishes them as one message every `period_s`.
 
     The first message waits until there is a subscriber, or for `READER_WAIT_S`: on a busy machine the recorder may be
-    discovered later than the first frames arrive.
+    discovered later than the first frames arrive. The owner flushes the last one, once no more frames come.
     """
 
     def __init__(self, node: Node, source: str, period_s: float = 0.1) -> None:
@@ -51,15 +51,15 @@ class FrameTap:
         age_s = seconds_between(self._begin, stamp)
         self._publishing = self._publishing or age_s >= READER_WAIT_S or self._publisher.get_subscription_count() > 0
         if self._publishing and age_s >= self._period_s:
-            self.flush(stamp)
+            self.flush()
 
-    def flush(self, stamp: Stamp) -> None:
-        """Publish the batch."""
+    def flush(self) -> None:
+        """Publish the batch, with the stamp of its last frame."""
         if not self._stamps:
             return
         self._publisher.publish(
             raw_frames_bytes(
-                stamp,
+                Stamp(self._stamps[-1]),
                 self._source,
                 stamps=self._stamps,
                 directions=self._directions,

@@ -147,8 +147,9 @@ class DeviceNode(BatchedNode, LifecycleNode):
             self.release()
 
     def close(self) -> None:
-        """End the thread of the wire."""
+        """End the thread of the wire, and publish the frames that it leaves: the last ones tell how a run ended."""
         self.stop()
+        self.tap.flush()
 
     def _on_change_state(self, request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
         """Answer the service: a valid transition is performed, and its goal is kept as the wanted state."""
