@@ -241,9 +241,17 @@ class FaultyStack:
         self.operator.wait(done, PATIENT_S, lambda: what)
 
     def prepare(self, mode: str) -> None:
-        """Arm, or disarm, when the state is there again; HindraxError when it cannot be armed."""
+        """Arm, or disarm, when state and thrusters are there again; HindraxError when it cannot be armed."""
+        from hindrax_ros.messages.convert import stamp_from_msg  # noqa: PLC0415  # rclpy reads the environment first
+
         operator, since = self.operator, self.operator.now()
+
+        def output_is_there() -> bool:
+            """Before, its last message may be that of a node that has ended meanwhile, armed."""
+            return operator.thrusters is not None and stamp_from_msg(operator.thrusters.header.stamp) > since
+
         self.wait(lambda: operator.navigation is not None and operator.navigation.stamp > since, "navigation")
+        self.wait(output_is_there, "the thrusters")
         if mode == DISARMED and operator.armed:
             operator.arm(arm=False, seconds=PATIENT_S)
         deadline_s = time.monotonic() + PATIENT_S
