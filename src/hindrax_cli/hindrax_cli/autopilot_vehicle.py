@@ -1,11 +1,10 @@
 """A vehicle file flown by an autopilot at an address: what it measures, and nothing that is not on its line."""
 
 import atexit
-import math
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,10 +69,11 @@ def asked_parameters(address: str, wanted: Sequence[str]) -> dict[str, float]:
     raise _no_answer(address, link)
 
 
-def require_fit(file: Path, address: str) -> None:
-    """Require that the ArduSub at an address can drive the thrusters of a vehicle file; nothing moves.
+def ask_autopilot(file: Path, address: str, say: Callable[[str], None] = lambda _: None) -> bool:
+    """Require that the ArduSub at an address can drive the thrusters of a vehicle file; ask for a velocity, if needed.
 
-    One that does not answer yet is waited for later.
+    Nothing moves, and the line is opened once. A file that measures no velocity needs none: then an autopilot that does
+    not answer yet is waited for later. Errors as those of `asked_parameters`.
 
     Parameters
     ----------
@@ -81,6 +81,13 @@ def require_fit(file: Path, address: str) -> None:
         Of the vehicle, whatever its output is.
     address
         Of the autopilot.
+    say
+        Is told that its estimator is waited for: one that started within the last minute aligns first.
+
+    Returns
+    -------
+    bool
+        Whether its estimator claims the velocity that the file measures, by a DVL or a GPS of the autopilot's own.
 
     Raises
     ------
@@ -90,61 +97,36 @@ def require_fit(file: Path, address: str) -> None:
     with _drivers_wanted(address):
         from hindrax_drivers.buses.clock import SystemClock  # noqa: PLC0415  # the wheel has no drivers
         from hindrax_drivers.devices.ardupilot.output import ArduSub  # noqa: PLC0415  # as above
-        from hindrax_drivers.output.output_ports import LineOutput, set_up_patiently  # noqa: PLC0415  # as above
+        from hindrax_drivers.devices.ardusub_ekf import VelocityClaim  # noqa: PLC0415  # as above
+        from hindrax_drivers.output.output_ports import LineOutput, Rider, set_up_patiently  # noqa: PLC0415  # as above
 
+    wanted = bool(load_vehicle(file).measuring("velocity"))
     device = ArduSub(load_vehicle(behind_autopilot(file, address, aided=False)[0]))
-    output = LineOutput(address, device, SystemClock(), lambda _stamp, _sent, _data: None)
-    with closing(output), suppress(DeviceError):
-        set_up_patiently(output)
-    if device.lack:
-        raise HindraxError(f"{address}: {device.trouble}")
-
-
-def has_velocity(address: str, say: Callable[[str], None] = lambda _: None) -> bool:
-    """Whether the estimator of an ArduSub claims a velocity, by a DVL or a GPS of the autopilot's own.
-
-    One that started within the last minute aligns first: it is waited for. Errors as those of `asked_parameters`.
-
-    Parameters
-    ----------
-    address
-        Of the autopilot.
-    say
-        Is told that it is waited for.
-
-    Returns
-    -------
-    bool
-        True as soon as it claims one.
-    """
-    with _drivers_wanted(address):
-        from hindrax_drivers.devices.ardupilot.link import Link  # noqa: PLC0415  # the wheel has no drivers
-        from hindrax_drivers.devices.ardusub_ekf import STATUS_Hz, claims_velocity  # noqa: PLC0415  # as above
-        from hindrax_drivers.protocols.ardupilot import (  # noqa: PLC0415  # as above
-            ATTITUDE,
-            EKF_STATUS,
-            Attitude,
-            EstimatorStatus,
-        )
-
-    link = Link((), {EKF_STATUS: STATUS_Hz, ATTITUDE: STATUS_Hz})
-    claims: list[bool] = []
-    told, up_s = False, math.inf
-    for message in _listened(address, link, ALIGNED_S + PATIENCE_S):
-        if isinstance(message, Attitude):
-            up_s = 1e-3 * message.boot_ms
-        elif isinstance(message, EstimatorStatus):
-            claims.append(claims_velocity(message))
-            if claims[-1]:
-                return True
-            if up_s > ALIGNED_S and len(claims) >= LOOK_S * STATUS_Hz:
-                return False
-            if up_s <= ALIGNED_S and not told:
+    claim = VelocityClaim(ALIGNED_S, LOOK_S)
+    beside = [Rider(claim, lambda _: None, lambda *_: None)] if wanted else []
+    clock = SystemClock()
+    with closing(LineOutput(address, device, clock, lambda *_: None, beside)) as output:
+        patient = after(clock.now(), PATIENCE_S)
+        while not device.identity:
+            try:
+                set_up_patiently(output)
+            except DeviceError as error:
+                if device.lack:
+                    raise HindraxError(f"{address}: {device.trouble}") from error
+                if not wanted:
+                    return False
+                if not claim.starts:  # the line cannot be opened
+                    raise
+                if clock.now() > patient:
+                    raise _no_answer(address, claim.link) from error
+        until, told = after(clock.now(), ALIGNED_S + PATIENCE_S), False
+        while wanted and claim.claimed is None and clock.now() < until:
+            output.wait(after(clock.now(), TURN_S))
+            output.serve()
+            if claim.aligning and not told:
                 told = True
-                say(f"waiting for the estimator of the autopilot, which started {up_s:.0f} s ago")
-    if not link.system:
-        raise _no_answer(address, link)
-    return False
+                say(f"waiting for the estimator of the autopilot, which started {claim.up_s:.0f} s ago")
+    return bool(claim.claimed)
 
 
 @contextmanager

@@ -11,12 +11,14 @@ import pytest
 
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli import autopilot_vehicle
-from hindrax_cli.autopilot_vehicle import behind_autopilot, has_velocity
+from hindrax_cli.autopilot_vehicle import ask_autopilot, behind_autopilot
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.pool import pool_flight
 from hindrax_control.maneuver.goal import flyable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, load_vehicle
+from hindrax_drivers.buses.clock import Clock
+from hindrax_drivers.buses.line import Line, open_line
+from hindrax_drivers.output import output_ports
 from hindrax_sim.devices.ardupilot.firmware import BOOT_S, ArduSub, AutopilotTruth
 
 
@@ -136,30 +138,38 @@ def test_a_motor_without_an_output_is_named_with_what_helps(tmp_path: Path, caps
 
 
 def test_a_vehicle_file_that_does_not_fit_is_refused_before_anything_is_waited_for(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(pool_flight, "has_velocity", lambda *_words: pytest.fail("an estimator takes a minute"))
     autopilot = ArduSub(load_vehicle(vehicle_file("bluerov2-heavy")).thrusters, now_s=time.monotonic())
     autopilot.parameters |= {"FRAME_CONFIG": 4.0, "SERVO4_FUNCTION": 0.0}
     with sending(autopilot) as address:
         words = ["--autopilot", address, "--vehicle", "bluerov2-heavy", "--dof", "yaw"]
         assert main(["pool-test", *words]) == 1
-    assert "T4 is at output 4 in the vehicle file, where SERVO4_FUNCTION is 0" in " ".join(
-        capsys.readouterr().err.split()
-    )
+    said = " ".join(capsys.readouterr().err.split())
+    assert "T4 is at output 4 in the vehicle file, where SERVO4_FUNCTION is 0" in said
+    assert "waiting for the estimator" not in said, "it takes a minute"
 
 
 @pytest.mark.parametrize("velocity_mps", [None, (0.0, 0.0, 0.0)], ids=["nothing", "a DVL of its own"])
 def test_what_an_estimator_claims_is_asked_before_anything_starts(
     velocity_mps: tuple[float, float, float] | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(autopilot_vehicle, "ALIGNED_S", BOOT_S + 1.0)
+    monkeypatch.setattr(autopilot_vehicle, "ALIGNED_S", BOOT_S + 2.0)
     monkeypatch.setattr(autopilot_vehicle, "LOOK_S", 0.3)
     autopilot = ArduSub(load_vehicle(vehicle_file("bluerov2-heavy")).thrusters, now_s=time.monotonic())
     autopilot.set_truth(AutopilotTruth(velocity_mps=velocity_mps), time.monotonic())
     said: list[str] = []
+    opened: list[str] = []
+
+    def opening(path: str, baud: int, clock: Clock) -> Line:
+        opened.append(path)
+        return open_line(path, baud, clock)
+
+    monkeypatch.setattr(output_ports, "open_line", opening)
     with sending(autopilot) as address:
-        assert has_velocity(address, said.append) is (velocity_mps is not None)
+        found = ask_autopilot(vehicle_file("bluerov2-heavy"), address, said.append)
+        assert found is (velocity_mps is not None)
+        assert opened == [address], "a line may take its time, or serve one at a time"
     if velocity_mps is None:
         assert len(said) == 1
         assert said[0].startswith("waiting for the estimator of the autopilot, which started ")

@@ -9,6 +9,7 @@ messages. Where a DVL can be read itself, read that.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from hindrax_core.driver_interface import Output
@@ -18,7 +19,7 @@ from hindrax_core.readings import BottomVelocity, Vec3
 from hindrax_core.rejects import RejectCode, reject
 from hindrax_core.rotation import matrix
 from hindrax_drivers.devices.ardupilot.companion import Companion
-from hindrax_drivers.devices.ardupilot.link import LATENCY_S, THIRD_COMPUTER, Handlers
+from hindrax_drivers.devices.ardupilot.link import BAUD, LATENCY_S, THIRD_COMPUTER, Handlers, Link
 from hindrax_drivers.driver import Driver
 from hindrax_drivers.protocols.ardupilot import (
     ATTITUDE,
@@ -114,6 +115,52 @@ def claims_velocity(status: EstimatorStatus) -> bool:
     """Whether the estimator says that it knows a velocity, and does not assume a constant position."""
     known = status.flags & (HORIZONTAL | VERTICAL) == HORIZONTAL | VERTICAL
     return known and not status.flags & CONSTANT_POSITION
+
+
+class VelocityClaim:
+    """Listens on the line of an output: `claimed` whether the estimator claims a velocity, None before that is clear.
+
+    One that started less than `aligned_s` ago may still align; of an older one a look of `look_s` is enough.
+    """
+
+    baud = BAUD
+    ready = True
+
+    def __init__(self, aligned_s: float, look_s: float) -> None:
+        self._aligned_s, self._looks = aligned_s, look_s * STATUS_Hz
+        self.link = Link((), {EKF_STATUS: STATUS_Hz, ATTITUDE: STATUS_Hz}, companion=THIRD_COMPUTER)
+        self.claimed: bool | None = None
+        self.up_s = math.inf
+        """Time since the autopilot was switched on, as far as it has said."""
+        self.starts, self._seen = 0, 0
+
+    @property
+    def aligning(self) -> bool:
+        """Whether it has no velocity yet, and may still get one."""
+        return self.claimed is None and self._seen > 0 and self.up_s <= self._aligned_s
+
+    def start(self, stamp: Stamp) -> Iterable[Output]:
+        """Begin anew after the line was opened."""
+        self.starts += 1
+        self.link.restart(stamp)
+        return list(self.link.tick(stamp))
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
+        """Decode received bytes."""
+        for message in self.link.feed(data, stamp):
+            if isinstance(message, Attitude):
+                self.up_s = 1e-3 * message.boot_ms
+            elif isinstance(message, EstimatorStatus) and self.claimed is None:
+                self._seen += 1
+                if claims_velocity(message):
+                    self.claimed = True
+                elif self.up_s > self._aligned_s and self._seen >= self._looks:
+                    self.claimed = False
+        return ()
+
+    def tick(self, stamp: Stamp) -> Iterable[Output]:
+        """Heartbeat and requests."""
+        return list(self.link.tick(stamp))
 
 
 DRIVER = Driver(ArduSubEkfKnobs, lambda knobs, _mount, _vehicle: ArduSubEkf(knobs))

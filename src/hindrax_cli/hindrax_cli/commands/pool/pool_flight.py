@@ -20,7 +20,7 @@ from hindrax_cli.argument_types import (
     tuning_of,
 )
 from hindrax_cli.autopilot_vehicle import HELP as AUTOPILOT_HELP
-from hindrax_cli.autopilot_vehicle import behind_autopilot, has_velocity, require_address, require_fit
+from hindrax_cli.autopilot_vehicle import ask_autopilot, behind_autopilot, require_address
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
 from hindrax_cli.commands.operate.up_stop import require_known
@@ -62,10 +62,9 @@ def _use_autopilot(arguments: argparse.Namespace) -> tuple[str, ...]:
         raise UsageError("--autopilot: found --mock too, wanted one: the mock has an autopilot of its own")
     file, address = Path(arguments.vehicle), arguments.autopilot
     require_address(address)
-    if not arguments.plan:
-        require_fit(file, address)
     measured = bool(load_vehicle(file).measuring("velocity"))
-    aided = measured and (arguments.plan or has_velocity(address, lambda words: _say(f"--autopilot: {words}")))
+    asked = arguments.plan or ask_autopilot(file, address, lambda words: _say(f"--autopilot: {words}"))
+    aided = measured and asked
     copy, left_out = behind_autopilot(file, address, aided=aided)
     arguments.vehicle = str(copy)
     if left_out:
