@@ -40,6 +40,12 @@ SIMULATOR_HELP = (
 OTHER_WORLD = "pool-test flies in pool where none is named; --world chooses"
 
 
+def world_of_pool_test(named: str | None, simulator: str = "") -> str:
+    """World of a pool test, its session, plan and prediction: the named one, else pool; ideal in another's water."""
+    usual = "ideal" if simulator else "pool"
+    return usual if named is None else named
+
+
 @dataclass(frozen=True, slots=True)
 class MockOptions:
     """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the computer keeps up), faults, world.

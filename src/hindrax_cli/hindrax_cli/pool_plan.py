@@ -9,13 +9,14 @@ from pathlib import Path
 from hindrax_analysis.identification.verdict import REJECTED
 from hindrax_analysis.next_step import quoted_share
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
+from hindrax_bringup.stack import world_of_pool_test
 from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.model.motion_model import MOTIONS, axis_units
 from hindrax_ident.online.aim import Aim, check_experiment
-from hindrax_sim.conditions.world_table import POOL, sizes_of
+from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.flights.rehearsal import Rehearsal, rehearse
 
 OF_THE_STACK = ("fault", "rate", "out", "params", "set")
@@ -27,7 +28,8 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     given = [f"--{name}" for name in OF_THE_STACK if getattr(arguments, name) not in (None, [], "")]
     if given:
         raise UsageError(f"--plan: found {', '.join(given)}, wanted no options of the stack, which it does not start")
-    vehicle, world = load_vehicle(Path(arguments.vehicle)), POOL if arguments.world is None else arguments.world
+    vehicle = load_vehicle(Path(arguments.vehicle))
+    world = world_of_pool_test(arguments.world, arguments.simulator)
     sizes_of(world, arguments.seed)
     servable = motions_to_fly(arguments.dof, vehicle)
     print_stderr(f"{vehicle.name} {servable}")
@@ -50,13 +52,17 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
 
 
 def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]:
-    """Tell what to expect of an experiment; the deviation of the drag of each motion as a share of it [-]."""
+    """Tell what to expect of an experiment; the deviation of the drag of each motion as a share of it [-].
+
+    In the water in which it is flown: of a real vehicle, which nobody knows, in a pool.
+    """
+    world = world_of_pool_test(arguments.world, arguments.simulator)
     vehicle = load_vehicle(Path(arguments.vehicle))
     motions = motions_to_fly(arguments.dof, vehicle).flown
     check_experiment(motions, aim)
     print_stderr("rehearsing the flight in lock-step")
     with working("rehearsing") as reached:
-        found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim, report=reached)
+        found = rehearse(motions, arguments.seed, world, vehicle=vehicle, aim=aim, report=reached)
     bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}
     each = ", ".join(f"{motion} {quoted_share(share)}" for motion, share in bands.items())
     ended = f"aborted by {found.aborted}" if found.aborted else found.ended

@@ -11,9 +11,12 @@ import pytest
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli import pool_plan
-from hindrax_cli.command_line import main
+from hindrax_cli.command_line import load, main, parser_of
 from hindrax_control.maneuver.plan import plans_of
+from hindrax_core.text.refusals import NOTHING
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.online.aim import Aim
+from hindrax_sim.flights.rehearsal import ExpectedBand, Rehearsal
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.pool import PoolWalls
 
@@ -80,6 +83,32 @@ def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(
     assert str(reached[-1]).startswith("surge, 2 of 2, 5"), (
         "the motion, how many there are, and the time of what is rehearsed"
     )
+
+
+@pytest.mark.parametrize(
+    ("words", "world"),
+    [
+        (["--mock"], "pool"),
+        ([], "pool"),
+        (["--mock", "--world", "tether=1"], "tether=1"),
+        (["--mock", "--simulator", "gz"], "ideal"),
+    ],
+)
+def test_an_experiment_is_predicted_in_the_water_in_which_it_is_flown(
+    monkeypatch: pytest.MonkeyPatch, words: list[str], world: str
+) -> None:
+    """Before every experiment, ideal water was rehearsed, and its narrow intervals were promised."""
+    arguments = parser_of(load("pool-test")).parse_args([*words, "--dof", "yaw", "--minutes", "1"])
+    rehearsed: list[str] = []
+
+    def rehearse(motions: tuple[str, ...], _seed: int, world: str, **_: object) -> Rehearsal:
+        rehearsed.append(world)
+        band = ExpectedBand(speed=1.0, noise=0.01, calibrated=0.03, added_mass=0.1, reasons=())
+        return Rehearsal("hindrax", world, (), (), dict.fromkeys(motions, band), "", NOTHING)
+
+    monkeypatch.setattr(pool_plan, "rehearse", rehearse)
+    assert pool_plan.predicted_of(arguments, Aim(None, 1.0)) == {"yaw": 0.03}
+    assert rehearsed == [world]
 
 
 @pytest.mark.parametrize(

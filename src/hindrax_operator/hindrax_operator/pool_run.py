@@ -22,7 +22,7 @@ from hindrax_bringup.network.tether import available_tether
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import EVERY, RECORDER
 from hindrax_bringup.share_files import vehicle_word
-from hindrax_bringup.stack import MockOptions, adopted, environment_beside
+from hindrax_bringup.stack import MockOptions, adopted, environment_beside, world_of_pool_test
 from hindrax_bringup.stack_process import StackProcess, UpOptions
 from hindrax_bringup.supervisor import stop_signals
 from hindrax_control.commissioning.record import slow_sentence, slowed, unproven
@@ -226,7 +226,7 @@ def next_flight(options: PoolOptions) -> NextFlight:
     words, world = [], ""
     if (mock := options.mock) is not None:
         words = ["--mock", *(["--simulator", mock.simulator] if mock.simulator else [])]
-        world = mock.world if mock.world != ("ideal" if mock.simulator else "pool") else ""
+        world = mock.world if mock.world != world_of_pool_test(None, mock.simulator) else ""
     return NextFlight(words, world, vehicle_word(options.vehicle_file), options.again)
 
 

@@ -41,7 +41,7 @@ from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.share_files import vehicle_word
-from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack import MockOptions, world_of_pool_test
 from hindrax_cli.commands.experiment.weigh import SHARES, LEVER_SIGMA_m, ask_for_load, check_load, entered, require_tty
 from hindrax_cli.commands.operate.up_stop import require_known
 from hindrax_control.maneuver.goal import PLATEAUS, motions_to_fly
@@ -128,8 +128,9 @@ def _opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
     vehicle = load_vehicle(arguments.vehicle)
     servable = motions_to_fly(arguments.dof, vehicle)
     print_stderr(f"{vehicle.name} {servable}")
+    mock = None
     if arguments.mock:
-        mock = MockOptions(arguments.seed, arguments.rate or 0.0, (), arguments.world or "pool")
+        mock = MockOptions(arguments.seed, arguments.rate or 0.0, (), world_of_pool_test(arguments.world))
         require_known(mock, vehicle)
     elif arguments.world is not None or arguments.rate is not None:
         raise UsageError("--world and --rate are for --mock only")
@@ -137,7 +138,7 @@ def _opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
         _check_person(arguments, servable.flown)
     settings = {
         "motions": list(servable.flown),
-        "mock": {"seed": arguments.seed, "world": arguments.world or "pool"} if arguments.mock else None,
+        "mock": {"seed": mock.seed, "world": mock.world} if mock is not None else None,
         "load_N": arguments.load,
         "lever_m": arguments.lever,
         "vehicle": vehicle_word(Path(arguments.vehicle)),
@@ -356,7 +357,7 @@ def next_command(session: PoolSession, folder: RunFolder) -> str:
         return shlex.join(["./hindrax", "tune", *files])
     words = ["./hindrax", "pool-test", "--session"]
     if (mock := settings["mock"]) is not None:
-        words += ["--mock", *(["--world", mock["world"]] if mock["world"] != "pool" else [])]
+        words += ["--mock", *(["--world", mock["world"]] if mock["world"] != world_of_pool_test(None) else [])]
     for name, value in (("--load", settings.get("load_N")), ("--lever", settings.get("lever_m"))):
         words += [name, f"{value:g}"] if value else []
     vehicle = settings.get("vehicle", _as_typed(folder.vehicle))

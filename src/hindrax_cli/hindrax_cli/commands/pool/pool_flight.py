@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from hindrax_bringup.stack import FAULT_HELP, SIMULATOR_HELP, WORLD_HELP, MockOptions
+from hindrax_bringup.stack import FAULT_HELP, SIMULATOR_HELP, WORLD_HELP, MockOptions, world_of_pool_test
 from hindrax_cli.argument_types import (
     add_json,
     add_tuning,
@@ -50,10 +50,11 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
 
 
 def _mock(arguments: argparse.Namespace) -> MockOptions:
-    """Options of the mock: in a pool where nothing else is named, and where its water is ours."""
-    usual = "ideal" if arguments.simulator else "pool"
-    world, rate = usual if arguments.world is None else arguments.world, arguments.rate or 0.0
-    return MockOptions(arguments.seed, rate, tuple(arguments.fault), world, simulator=arguments.simulator)
+    """Options of the mock."""
+    world = world_of_pool_test(arguments.world, arguments.simulator)
+    return MockOptions(
+        arguments.seed, arguments.rate or 0.0, tuple(arguments.fault), world, simulator=arguments.simulator
+    )
 
 
 def _use_autopilot(arguments: argparse.Namespace) -> tuple[str, ...]:
