@@ -11,8 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from navigator_ride import CENTERED, FIELD_T, HOVER, MOUNTED, FLOOR_m, Ride, part, rms
 
+from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_control.navigation.estimator_health import EstimatorHealthKnobs
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
+from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_control.testing.motion import vector
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -443,6 +445,31 @@ def test_a_dvl_that_hangs_with_live_noise_is_contradicted_and_one_that_is_late_o
             velocity = (ahead + float(noise[number // 10]), 0.0, 0.0)
             ride.tell(t, BottomVelocity(velocity, 0.01, 1.0, 0.05, number), "dvl75")
             most = max(most, ride.out[-1].reading.consistency.refused_velocities)
+    assert (most >= EstimatorHealthKnobs().refused_velocities) is hung
+
+
+@pytest.mark.parametrize(
+    ("follows", "force_N", "hung"), [(0.0, 1.0, True), (1.0, 1.0, False), (0.0, 0.0, False), (0.0, -1.0, False)]
+)
+def test_a_dvl_hangs_too_where_it_misses_a_slow_push_that_the_thrusters_explain(
+    follows: float, force_N: float, hung: bool
+) -> None:
+    """The accelerometer may be off by as much: without thrust, or against it, it proves nothing."""
+    ride, noise = Ride(), np.random.default_rng(3).normal(0.0, 0.01, 400)
+    pushes_N = 0.15 * prior_dynamics(ride.vehicle)["surge"].inertia * force_N
+    forces_N = np.linalg.pinv(effectiveness(ride.vehicle))[:, 0] * pushes_N
+    most = 0
+    for number in range(1, 1900):
+        t = number * 0.005
+        pushed = t > 6.0
+        if number % 10 == 0:
+            ride.navigator.thrust(tuple((forces_N * pushed).tolist()))
+        ride.tell(t, Inertial((0.15 * pushed, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        if number % 10 == 0:
+            ahead = follows * 0.15 * max(t - 0.025 - 6.0, 0.0)
+            velocity = (ahead + float(noise[number // 10]), 0.0, 0.0)
+            ride.tell(t, BottomVelocity(velocity, 0.01, 1.0, 0.05, number), "dvl75")
+            most = max(most, ride.out[-1].reading.consistency.refused_velocities if ride.out else 0)
     assert (most >= EstimatorHealthKnobs().refused_velocities) is hung
 
 

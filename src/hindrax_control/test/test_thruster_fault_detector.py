@@ -86,6 +86,17 @@ def test_ballast_does_not_resist_more_than_ballast_can(
     assert (suspect is not None and suspect.name == EVERY) is found
 
 
+@pytest.mark.parametrize(("force_N", "found"), [(4.0, False), (8.0, True)])
+def test_a_current_does_not_resist_more_than_a_current_can(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], force_N: float, found: bool
+) -> None:
+    """It holds its place sideways against 0.15 m/s, 4 N, and rests over ground."""
+    aside = np.linalg.pinv(effectiveness(hindrax))[:, 1] * force_N
+    rig = Rig(hindrax, ideal_vehicle, start_s=0.0)
+    suspect, _ = rig.fly(lambda _t: tuple(aside.tolist()), 25.0, dead=tuple(rig.names))
+    assert (suspect is not None and suspect.name == EVERY) is found
+
+
 def test_a_vehicle_that_is_more_stable_than_its_file_is_not_held_fast(
     hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]
 ) -> None:

@@ -95,6 +95,7 @@ LIES = {
     "accelerometer offset": "force_offset",
     "velocity bias": "velocity_bias",
     "frozen velocity": "velocity_frozen",
+    "stuck velocity": "velocity_stuck",
     "false lock": "false_lock",
     "depth stuck": "depth_stuck",
     "short range": "range_short",
@@ -113,6 +114,7 @@ LIES = {
 PAIRS = {
     ("died", "absent", "dvl75"): ("absent", "ms5837"),
     ("frozen velocity", "velocity_frozen", "dvl75"): ("repeated", "ms5837"),
+    ("stuck velocity", "velocity_stuck", "dvl75"): ("thruster_fails", "T3"),
     ("false lock", "false_lock", "dvl75"): ("range_short", "ping1d"),
     ("died", "absent", "ms5837"): ("absent", "ping1d"),
     ("gyroscope offset", "gyro_offset", "icm20948"): ("absent", "dvl75"),

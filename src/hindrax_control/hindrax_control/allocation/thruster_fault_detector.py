@@ -6,6 +6,7 @@ Ballast and trim that differ from the vehicle file do: thrusters that hold a veh
 heave, roll and pitch leave on the average is learned, and only what comes on top of it counts: against the force of a
 thruster (one that dies), and against what its force has on top of its own average (one that was dead from the start).
 But ballast has its limit: a vehicle that rests although much more than that is pushed against it is moved by none.
+So has a current: what holds a place or a speed against one looks like a dead supply, unless it is more than that takes.
 For each thruster, and for all of them together, the part of the force that is missing is fitted; what explains most of
 a residual too large for the model's own errors, for long enough, is suspected.
 
@@ -65,6 +66,7 @@ class FaultDetectorKnobs:
     missing: float = knob(0.6, 0.1, 1.0, "share of its force that must be missing [-]")
     explained: float = knob(0.65, 0.1, 1.0, "share of the residual that one thruster must explain [-]")
     surprise: float = knob(9.0, 1.0, 1e4, "mean square of the residual, in variances of the model, from which on [-]")
+    current_mps: float = knob(0.2, 0.0, 5.0, "current against which all thrusters may hold a vehicle that rests [m/s]")
     sigma: Vec6 = knob((0.8, 0.8, 1.0, 0.15, 0.2, 0.12), 1e-3, 1e3, "error of the model at rest [N, N m]")
     sigma_drag: float = knob(0.35, 0.0, 2.0, "error of the model as a share of the drag [-]")
     righting_times: float = knob(
@@ -173,9 +175,16 @@ class ThrusterFaultDetector:
         dt, self._unjudged_s = self._unjudged_s, 0.0
         momentum = self._inertia * (rates - self._slow_rates) / self._knobs.filter_s
         residual = momentum - self._slow_model - self._B @ self._slow_thrust
-        return self._judge(
-            residual, np.array(drag), np.array((0.0, 0.0, 0.0, *self._statics(navigation)[3:5], 0.0)), dt
+        righting = np.array((0.0, 0.0, 0.0, *self._statics(navigation)[3:5], 0.0))
+        return self._judge(residual, np.array(drag), righting, self._against_current(rates), dt)
+
+    def _against_current(self, rates: Vec6) -> Matrix:
+        """Force (6,) that it takes at most to hold surge and sway velocity against a current [N]."""
+        current_mps = self._knobs.current_mps
+        X, Y = (
+            one.drag_force(abs(rate) + current_mps) for one, rate in zip(self._freedoms[:2], rates[:2], strict=True)
         )
+        return np.array((X, Y, 0.0, 0.0, 0.0, 0.0))
 
     def _held(self, residual: Matrix, righting: Matrix, drag: Matrix) -> Matrix:
         """Residual (6,) without what a vehicle leaves that resists a tilt or a turn more than its file says [N m].
@@ -235,7 +244,9 @@ class ThrusterFaultDetector:
         self._usual = self._usual + learned[:, None] * unusual
         return beyond, unusual
 
-    def _judge(self, residual: Matrix, drag: Matrix, righting: Matrix, dt: float) -> SuspectedFault | None:
+    def _judge(
+        self, residual: Matrix, drag: Matrix, righting: Matrix, against: Matrix, dt: float
+    ) -> SuspectedFault | None:
         """Fit the missing share of each suspect alone, and return the one that explains most, long enough.
 
         Least squares of r = m s over a fading memory: m = <s.r> / <s.s>, and m <s.r> is the part of <r.r> that goes
@@ -257,6 +268,9 @@ class ThrusterFaultDetector:
             self._trim[HEAVE], -self._most_ballast_N, self._most_ballast_N
         )
         surprise *= weight[:, None]
+        # Nor does a push prove anything which a current may take all of.
+        adrift = np.ix_(np.abs(wrenches.sum(axis=1)) < against, self._of_every)
+        surprise[adrift] = signature[adrift] = 0.0
         keep = -math.expm1(-dt / knobs.memory_s)
         self._along += (np.sum(signature * surprise, axis=0) - self._along) * keep
         self._power += (np.sum(signature * signature, axis=0) - self._power) * keep

@@ -11,6 +11,7 @@ from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeK
 from hindrax_control.navigation.depth_drift import DepthDrift
 from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
 from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs
+from hindrax_control.navigation.hung_velocity import HungVelocity
 from hindrax_control.navigation.measured_noise import MeasuredNoise
 from hindrax_control.navigation.velocity_gain import VelocityGain
 from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
@@ -121,6 +122,9 @@ class Aiding:
         """North and east of the start, by dead reckoning."""
         self.gain = VelocityGain()
         """Of the DVL's changes of velocity over those of the accelerometer."""
+        self.hung = HungVelocity(knobs.hung_mps)
+        self._hanging: dict[str, bool] = {}
+        """Whether the last velocity of each DVL was contradicted by accelerometer and thrusters."""
         self.sunk_off_m = 0.0
         """Way down by DVL less that by pressure and accelerometer, of the last seconds."""
         self.drift = DepthDrift()
@@ -162,9 +166,14 @@ class Aiding:
         u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]
         self._compare_sinking((u, v, w), valid_s)
         (a, b, c), (d, e, f), _ = self.attitude.rotation
-        self.gain.measured(complex(a * u + b * v + c * w, d * u + e * v + f * w), valid_s)
-        still = self.gain.shows_little
-        return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated, still=still)
+        over_ground = complex(a * u + b * v + c * w, d * u + e * v + f * w)
+        self.gain.measured(over_ground, valid_s)
+        still, hangs = self.gain.shows_little, self._hanging.get(source, False)
+        used = self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated, still=still, hangs=hangs)
+        if used or hangs:  # an outlier would count as a change for three times
+            level = over_ground * complex(a, -d) / math.hypot(a, d)
+            self._hanging[source] = self.hung.contradicts(level, valid_s, source)
+        return used
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
         """Compare the way down by the DVL with that by pressure and accelerometer."""

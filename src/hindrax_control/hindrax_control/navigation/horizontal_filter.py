@@ -38,6 +38,9 @@ class HorizontalKnobs(FilterKnobs):
     lean_sigmas: float = knob(
         2.0, 0.5, 100.0, "mean innovation of a DVL that shows no change, above which it hangs [-]"
     )
+    hung_mps: float = knob(
+        0.15, 0.02, 10.0, "change in 2 s that accelerometer and thrusters show and the DVL does not, if it hangs [m/s]"
+    )
     memory_s: float = knob(1.0, 0.1, 10.0, "oldest DVL sample that can still be fused [s]")
 
 
@@ -148,6 +151,7 @@ class HorizontalFilter:
         *,
         repeated: bool = False,
         still: bool = False,
+        hangs: bool = False,
     ) -> bool:
         """Fuse a velocity of the body origin that was the mean over a way.
 
@@ -170,6 +174,8 @@ class HorizontalFilter:
             Whether the sensor has repeated its last value.
         still
             Whether it shows far less change of velocity than the accelerometer.
+        hangs
+            Whether accelerometer and thrusters contradict it together.
 
         Returns
         -------
@@ -185,7 +191,7 @@ class HorizontalFilter:
         leans = self._leans(off_u / math.sqrt(variance), off_v / math.sqrt(variance))
         # The first velocity is taken as it is: nothing is known that it could contradict.
         beyond = max(off_u * off_u, off_v * off_v) > self._knobs.gate**2 * variance
-        if self.known and (beyond or (still and leans)):
+        if self.known and (beyond or hangs or (still and leans)):
             return self._refuse(off_u, off_v, repeated=repeated)
         self.known = True
         self._refused, self.refused = 0, max(0, self.refused - 1)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from hindrax_control.navigation.aiding import SHORTEST_SPAN_S, Aiding, AidingKnobs
 from hindrax_control.navigation.attitude_filter import SPANS, Offset, Span, mean, offset_at_rest
 from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
+from hindrax_control.navigation.thrust_model import ThrustModel
 from hindrax_control.navigation.wall_sonar import WallSonar, wall_knobs
 from hindrax_control.sensors import NOWHERE, SensorMount, why_impossible
 from hindrax_core.events import EARLIEST, NS_PER_S, Stamp, Stamped, after
@@ -88,6 +89,7 @@ class Navigator:
         self._coarse = any(row_of(vehicle.sensors[name].device).coarse for name in vehicle.measuring("rates")[:1])
         self._has_sonar = any(name not in self._dvls for name in vehicle.measuring("altitude"))
         self._forces_N: tuple[float, ...] = ()
+        self._thrust_model = ThrustModel(vehicle)
         self._pushed = False
         """Whether a thruster ever pushed: before, a vehicle rests square to the wall that its sonar looks at."""
         self.refused = 0
@@ -327,6 +329,7 @@ class Navigator:
             half * ((east_was[0] + east[0]) * fx + (east_was[1] + east[1]) * fy + (east_was[2] + east[2]) * fz),
         )
         self._aiding.gain.accelerated(change, r, now_s)
+        self._witness(change, (u, v, w), rate, now_s, dt)
         for wall in self._walls.values():
             wall.predict(change / dt, attitude.rotation, dt)
             self._position = wall.placed(self._position)
@@ -335,6 +338,18 @@ class Navigator:
         if horizontal.known:
             (a, b, c), (d, e, f), _ = attitude.rotation
             self._reckon(dt * (a * u + b * v + c * w), dt * (d * u + e * v + f * w), dt)
+
+    def _witness(self, change_mps: complex, velocity_mps: Vec3, rate: Vec3, now_s: float, dt: float) -> None:
+        """Tell what accelerometer (north + i east) and thrusters make of a tick, against which a DVL is held."""
+        expected_mps2 = self._thrust_model.step(self._forces_N, velocity_mps, rate, dt)
+        north, east, down = self._attitude.rotation
+        ahead = complex(north[0], east[0])
+        if expected_mps2 is None or not ahead:
+            self._aiding.hung.forget()
+            return
+        turned = dt * sum(axis * turn for axis, turn in zip(down, rate, strict=True))
+        level = change_mps * ahead.conjugate() / abs(ahead)
+        self._aiding.hung.changed(level, dt * expected_mps2, turned, now_s)
 
     def _reckon(self, north_m: float, east_m: float, dt: float) -> None:
         """Count one step of the way, and how far it may be off.

@@ -19,8 +19,9 @@ left out. A DVL that shows nothing at all is no case for c; `shows_little` says 
 
 import cmath
 import math
-from collections import deque
 from typing import NamedTuple
+
+from hindrax_control.navigation.past_sums import PastSums
 
 WINDOW_S = 0.6
 """A push of these vehicles lasts about as long; with 1 s and 2 s the tilt that changes under thrust took c to 0.75."""
@@ -54,8 +55,7 @@ class VelocityGain:
 
     def __init__(self) -> None:
         self.gain = UNKNOWN
-        self._sum = 0j
-        self._track: deque[tuple[float, complex]] = deque([(0.0, 0j)])
+        self._sums = PastSums(1, LONGEST_STEP_S)
         self._turned_s = -math.inf
         self._last: tuple[float, complex, complex] | None = None
         self._x = self._y = 0j
@@ -74,19 +74,16 @@ class VelocityGain:
         now_s : [s]
             Filter time.
         """
-        self._sum += change_mps
-        self._track.append((now_s, self._sum))
+        self._sums.add((change_mps,), now_s)
         if abs(yaw_rate_radps) > TURNING_radps:
             self._turned_s = now_s
-        while self._track[0][0] < now_s - LONGEST_STEP_S:
-            self._track.popleft()
 
     def measured(self, velocity_mps: complex, valid_s: float) -> None:
         """Take a velocity by the DVL, valid at a time of the past; one before the last, or too old, is left out."""
-        x, last = self._at(valid_s), self._last
-        if x is None or (last is not None and valid_s <= last[0]):
+        sums, last = self._sums.at(valid_s), self._last
+        if sums is None or (last is not None and valid_s <= last[0]):
             return
-        self._last = valid_s, x, velocity_mps
+        self._last = valid_s, (x := sums[0]), velocity_mps
         if last is None or valid_s - last[0] > LONGEST_STEP_S or valid_s - self._turned_s < WINDOW_S:
             self._x = self._y = 0j
             return
@@ -125,19 +122,6 @@ class VelocityGain:
         within_a_window = max(1.0, WINDOW_S / max(self._mean_step_s, 1e-3))
         value = cmath.rect(math.sqrt(yy / xx), cmath.phase(xy))
         return Gain(value, math.sqrt(max(residual, FLOOR_mps**2) * within_a_window / xx))
-
-    def _at(self, time_s: float) -> complex | None:
-        """Velocity by the accelerometer at a time of the past; None when it is forgotten, or not yet known."""
-        track = self._track
-        if not track[0][0] <= time_s <= track[-1][0]:
-            return None
-        later = track[-1]
-        for row in reversed(track):
-            if row[0] <= time_s:
-                share = (time_s - row[0]) / (later[0] - row[0]) if later[0] > row[0] else 0.0
-                return row[1] + share * (later[1] - row[1])
-            later = row
-        return None
 
 
 def described(gain: complex) -> str:
