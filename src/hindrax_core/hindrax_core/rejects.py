@@ -7,7 +7,7 @@ from hindrax_core.text.coded import Coded
 
 
 class RejectCode(StrEnum):
-    """Code of a reject; its word is the key under which /diagnostics counts it, and never given to another meaning."""
+    """Code of a reject; its word is in the key by which /diagnostics counts it, and never given to another meaning."""
 
     # ---- no message of the device
     NO_START = "no start of a frame"
