@@ -12,7 +12,8 @@ demand leaves a linear program in two unknowns: see `_newton`.
 
 Symbols. m thrusters in use, with forces f [N] within low <= f <= high, and B (6, m) of `effectiveness`. The k patterns
 without wrench span the null space of B: f + pattern makes the same wrench as f. A facet y (m,) is orthogonal to all of
-them, so y'f = y'B+ w depends on the wrench w alone, B+ the pseudo-inverse. There are comb(m, k + 1) of them at
+them, so y'f = y'B+ w depends on the wrench w alone. B+ is the pseudo-inverse: B+ w are the least forces that give w,
+those with the smallest sum of squares, within their limits or not. There are comb(m, k + 1) of them at
 most, 56 for the eight thrusters of the Hindrax, of which 12 differ.
 
 A solver of linear programs gives the same answer (a test holds it against one), in a time that depends on the demand:
@@ -97,6 +98,8 @@ class AttainableSet:
         a, b = np.round(rows @ first, DIGITS), np.round(rows @ second, DIGITS)
         shared = np.any(b, axis=1)
         alone = [a[~shared] / end[~shared, None] for end in (low, high)]  # one is the limit
+        # Its rows: ratios at low and at high | a | b of the shared rows | least forces of each group. `_ends` are the
+        # three ends (|); what follows the last is half first, half second.
         parts = [*alone, a[shared], b[shared], first, second]
         self._ends = np.cumsum([len(part) for part in parts])[1:4].tolist()
         self._gains = np.ascontiguousarray(np.vstack(parts))

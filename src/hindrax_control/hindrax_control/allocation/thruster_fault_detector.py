@@ -154,7 +154,7 @@ class ThrusterFaultDetector:
         navigation, stamp
             State, and its time.
         forces_N : (thrusters,) [N]
-            Commanded since the last state.
+            That the applied pulses should have given since the last state.
 
         Returns
         -------
@@ -164,6 +164,7 @@ class ThrusterFaultDetector:
         dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
         self._last = stamp
         rates = (*navigation.velocity_mps, *navigation.rate_radps)
+        # Without a measured velocity there is no residual: what was collected is dropped, and begins anew with a lock.
         if not (0.0 < dt <= LONGEST_STEP_S and navigation.dvl_locked and all(map(math.isfinite, rates))):
             self._clear()
             return None

@@ -122,7 +122,10 @@ class Regulator:
 
 
 def gains(freedom: PriorDynamics, bandwidth_radps: float, damping: float) -> tuple[float, float]:
-    """Proportional and derivative gain for a closed loop of second order; a fifth of the stiffness is always ours.
+    """Proportional and derivative gain for a closed loop of second order.
+
+    Where the restoring moment has the wanted stiffness M w^2 already, a fifth of that is still the proportional gain:
+    the integral part, which holds against constant forces, is proportional to it.
 
     Parameters
     ----------

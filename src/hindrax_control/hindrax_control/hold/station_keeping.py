@@ -69,7 +69,8 @@ class StationKeeping:
         tuple[float, float]
             [N] in body axes; zero while the place or the velocity is unknown.
         """
-        # A velocity that was integrated for too long is none: to brake it would be to drive the vehicle into a wall.
+        # A velocity by the accelerometer alone drifts. Beyond `unsure_mps` it is taken for unknown: damping would push
+        # against a motion that is not there, into a wall.
         unsure = place.speed_sigma_mps > self._knobs.unsure_mps
         if unsure or not all(map(math.isfinite, (place.x_m, place.y_m, place.vx_mps, place.vy_mps))):
             self.goal_m = None

@@ -6,8 +6,11 @@ sample is compared with the path at its own time: the rows keep the predicted in
 not touch.
 
 Symbols, per axis: u velocity, a offset, P their covariance: `_p` of u, `_p_offset` of a, `_p_cross` of both. Predicted,
-u grows by a dt, so P becomes F P F' + Q with F = [1 dt; 0 1]. A sample of the past, `delay` ago, is a measurement of
-u - du - delay a, where du is what the rows say the velocity has changed since; its row is h = [1, -delay].
+u grows by a dt, so P becomes F P F' + Q with F = [1 dt; 0 1] and Q = diag(accelerometer_noise^2, offset_walk^2) dt. At
+the start P is 1 m^2/s^2 and offset_mps2^2, whatever the velocity: the first sample is taken in any case. The offset is
+kept in body axes: a bias turns with the body; what tilt lets in does not, and the random walk follows it. A sample of
+the past, `delay` ago, is a measurement of u - du - delay a, where du is what the rows say the velocity has changed
+since; its row is h = [1, -delay].
 """
 
 import math
@@ -77,7 +80,8 @@ class HorizontalFilter:
         Parameters
         ----------
         acceleration_mps2 : (2,) [m/s^2]
-            Ahead and to starboard in body axes, gravity taken off.
+            By which u and v change: specific force ahead and to starboard, gravity taken off, less omega x velocity
+            since the axes turn.
         angle_rad : (3,) [rad]
             What the body turned meanwhile.
         now_s, dt_s : [s]

@@ -487,6 +487,7 @@ class OutputGuard:
         return state, now
 
     def _rebased(self, state: OutputGuardState, back_s: float, now: Stamp) -> OutputGuardState:
+        """Disarm after a jump back of the clock, and forget all times of before, which would now be in the future."""
         forgotten = replace(
             state,
             seen=now,
@@ -520,6 +521,7 @@ class OutputGuard:
         if not state.armed or not state.fresh:
             return Pulses(self.neutral.thrusters, lights)
         moved = now if state.moved_at is None else state.moved_at
+        # Of one write at most: after a pause the pulse begins to move, it does not make up for the time.
         step = self.knobs.slew_usps * min(seconds_between(moved, now), self.knobs.repeat_s)
         pairs = zip(held.thrusters, command.pulses_us, strict=True)
         thrusters = tuple(max(old - step, min(old + step, self._clip(new))) for old, new in pairs)
@@ -546,7 +548,8 @@ class OutputGuard:
         last = state.last_command
         if last is None:
             return None
-        # A restarted sender counts from the beginning: its lower numbers are accepted once the old one is silent.
+        # A restarted sender counts from the beginning: its lower numbers are accepted once the old one is silent. An
+        # armed output then disarms (`command`), for nobody has armed it for this sender.
         again = state.fresh and not _newer(command.sequence, last.sequence)
         if command.stamp < last.stamp or again:
             return RefusedCommand(CommandFault.OUT_OF_ORDER, f"command {command.sequence} came after {last.sequence}")

@@ -1,8 +1,9 @@
 """What speaks against a result, or must be known before it is used: a code for programs, a sentence for people.
 
-Every sentence of a verdict stands here once, with its remedy. An `Objection` is its sentence, so it is printed and kept
-like any other; what decides by it reads `code` and `numbers`, never the words. The words of the codes are in JSON and
-in coefficients.yaml (`reason_codes`, `warning_codes`): they are never given to another meaning.
+Every sentence of a verdict stands here once; a remedy that depends on the cause comes from the row of that cause
+(`influences`). What is read back from a file keeps the words it was written with. An `Objection` is its sentence, so it
+is printed and kept like any other; what decides by it reads `code` and `numbers`, never the words. The words of the
+codes are in JSON and in coefficients.yaml (`reason_codes`, `warning_codes`): they are never given to another meaning.
 """
 
 from collections.abc import Mapping, Sequence

@@ -2,7 +2,7 @@
 
 GUM (JCGM 100) clause 5.2 for correlated quantities. What a record shows of an influence is estimated from the
 residuals with its prior; what they cannot show keeps its prior and is considered (Schmidt 1966). The parameters stay
-those of the fit: what the record shows of an influence is an error that they probably have, so it counts in the band.
+those of the fit: what the record shows of an influence is an error that they probably have, so it counts in their band.
 
 Symbols. u (m,) influences in units of their prior deviations, so that the usual prior is N(0, 1) for each; S (p, m)
 `shifts`: u makes the parameters wrong by S u. The residuals of the fit, linearized, have the log likelihood
@@ -17,8 +17,10 @@ so with a normal prior the posterior is C = (H + 1)^-1 and mean C g. Two things 
   unknown. The variances that make the evidence largest are found by iteration, from several starts, since a record
   often has several explanations; all of them count, by their evidence.
 
-So the posterior is a mixture over waters and explanations, and its mean and covariance are all that is kept. A band is
-a second moment, S (C + mean mean') S': a mean of u that is not zero is an error of the parameters, not a correction.
+So the posterior is a mixture over waters and explanations. Its mean and covariance make the bands; the mixture itself,
+`explanations`, is what `posterior` draws from. Two numbers come of it. The band of a fitted parameter is the second
+moment S (C + mean mean') S': a mean of u that is not zero is an error of that number. The corrected number has the mean
+taken off, so its variance is S C S' alone.
 """
 
 from __future__ import annotations
@@ -58,9 +60,11 @@ BudgetRow: TypeAlias = tuple[slice, Influence, float]
 """Columns of an influence, itself, and its prior standard deviation in its unit."""
 ALL = (GAIN, RUN, MODEL)
 FREEDOM = 1.0
-"""Degrees of freedom of the priors."""
+"""Degrees of freedom of the priors: one, as of Cauchy's. With normal priors a tether of 2 N would be spread
+over ten rows (ADR 31)."""
 NEAR_ODDS = math.log(0.014)
-"""Logarithm of the odds of water near the model, or near it but for one cause, against that of a usual pool."""
+"""Logarithm of the odds of water near the model, or near it but for one cause, against that of a usual pool. Assumed, 1
+to 70 (ADR 31): a pool is the rule, and the evidence of all records of a run decides."""
 LOSS_MEAN = 0.75**0.5
 """Mean over root mean square of what is anywhere between nothing and its greatest."""
 ROUNDS = 20
@@ -490,6 +494,8 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
     sigma (g - H usual); `known` is what the shift by `usual` alone adds to the evidence. A Student prior of FREEDOM
     degrees is a normal one whose variance w has an inverse gamma prior; the step for it sets it to where the expected
     likelihood is largest, w = (FREEDOM + E z^2) / (FREEDOM + 1), which no z of usual size moves far from one.
+    The evidence of an explanation is the largest over w, not the integral: with the prior as a density of log w, each
+    influence adds -FREEDOM (log w + 1 / w) / 2 to its logarithm.
     """
     m, known = len(gradient), float(gradient @ usual - 0.5 * usual @ information @ usual)
     gradient = sigma * (gradient - information @ usual)

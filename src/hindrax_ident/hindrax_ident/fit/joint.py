@@ -2,8 +2,9 @@
 
 Unknown are the velocities v of every step and the parameters theta. Wanted is the least of
 
-    sum w' Q^-1 w + sum e^2 / R + (theta - prior)' P (theta - prior),
-    w = M v' + C(M) v + ... - tau of each step,    e = measured - v of each measurement
+    sum e' Q^-1 e + sum r^2 / R + (theta - prior)' P (theta - prior),
+    w = M v' + C(M) v + ... - tau of each step,  e = what is new in w since the step before (autoregressive),
+    r = measured - v of each measurement
 
 (weak-constraint estimation; of the linearized model it is the Kalman smoother, and its theta the most likely one). For
 given theta the normal equations of v are banded (`joint_problem`); those of theta are small. Where a mass acts, the
@@ -46,7 +47,8 @@ BEGIN, STEADY, NOISY, SELECTED = 2, 3, 13, (3, 6, 9, 12, 16)
 """First steps without a predicted acceleration; with the delays at their prior; with the noise as it was; and those
 before which cross terms are admitted or left out."""
 HELD, MOST_PLATES = 0.7, 4.0
-"""Share of the largest thrust that is drag at the highest speed, and the most in plates, where a search begins [-]."""
+"""Share of the largest thrust that is drag at the highest speed, where a search begins; and the most, as a multiple of
+the drag of a plate as large as the vehicle [-]."""
 SETTLED, LEFT = 1e-3, 0.5
 """Largest step that ends the fit, of each parameter; and that of a fit that has converged, in its deviations."""
 LEAST_DELAY_S = 0.005

@@ -399,6 +399,8 @@ class JointProblem:
         so e_k has v_k-1 in it, by the begin of the step before. By a parameter, w changes by the force of its term per
         unit; that of a mass is the acceleration. It comes from the model, v' = M^-1 (tau - resisting): the difference
         of noisy velocities would have noise in the regressor, which biases masses towards zero (errors in variables).
+        So the fit does not end at the least of J in the masses, but where the likelihood is largest: what the column
+        leaves out, M^-1 w, makes a gradient whose mean is that of log det dw/dv, which the likelihood has and J lacks.
         """
         axes, na, ns, h = self.axes, len(self.axes), v.shape[1], grid.step_s
         steps = self._steps(grid, v)

@@ -19,9 +19,13 @@ from hindrax_ident.model.simulation import Grid, Trajectory, per_step, sensitivi
 from hindrax_ident.records.axis_record import Record, Series
 
 LONGEST_STEP_S = 0.05
+"""Longest step of the grid on which the motion is simulated."""
 FEWEST_SAMPLES = 8
+"""A stretch with fewer measurements is left out."""
 SAME_S = 1e-6
+"""Times nearer to each other than this are one."""
 FIRST = 5
+"""Measurements whose median the search takes for the first one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +118,8 @@ def _grid(times: Array) -> Array:
     """Measurement times and points between them, (n,) [s], so that no step exceeds LONGEST_STEP_S."""
     steps = np.diff(times)
     parts = np.maximum(1, np.ceil(steps / LONGEST_STEP_S - 1e-6)).astype(int)
-    # Between measurements that are far apart, points are added: the rule of fourth order wants short steps.
+    # Between measurements that are far apart, points are added: the rule of fourth order of `simulation` (trapezoid
+    # with end terms) wants short steps.
     index = np.repeat(np.arange(len(steps)), parts)
     within = np.arange(len(index)) - np.repeat(np.cumsum(parts) - parts, parts)
     return np.append(times[index] + steps[index] * within / parts[index], times[-1])

@@ -2,10 +2,11 @@
 
 A residual is measurement noise plus the effect of unknown forces (thrust noise, eddies) on the motion, which decays
 with the drag. Thruster lag filters the thrust noise, so an unknown force is correlated over that time; and thrust noise
-grows with the thrust, so part of its density is proportional to the squared thrust. The filter of the linearized error
-(velocity, position, unknown acceleration) predicts each residual from the previous ones; the innovations are white.
-The same filter runs over every column of the sensitivities, so least squares on the result is maximum likelihood to
-first order (Ljung 1999, sections 4.3 and 7.4). Without unknown forces it is plain output error.
+grows with the thrust, so part of its density is proportional to the squared thrust. One state stands for all unknown
+forces, so eddies are given the memory of the thrust noise; that theirs is as long is assumed. The filter of the
+linearized error (velocity, position, unknown acceleration) predicts each residual from the previous ones; the
+innovations are white. The same filter runs over every column of the sensitivities, so least squares on the result is
+maximum likelihood to first order (Ljung 1999, sections 4.3 and 7.4). Without unknown forces it is plain output error.
 
 Symbols. The error x = (v, s, a): velocity [m/s], position [m] and unknown acceleration [m/s^2] (rad for turning) of the
 simulated motion against the true one. Between two measurements
@@ -110,7 +111,7 @@ def transitions(chain: ErrorDynamics) -> tuple[Array, Array]:
 
 
 def _series(F: Array) -> Array:
-    """Matrix exponential to fourth order: (n, 3, 3). Its error is SHORT^5 / 120 of the step at most."""
+    """Matrix exponential to fourth order: (n, 3, 3). Its error is SHORT_STEP^5 / 120 of the step at most."""
     square = F @ F
     return np.eye(3) + F + square / 2.0 + F @ square / 6.0 + square @ square / 24.0
 
