@@ -52,9 +52,19 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
 
 
 def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]:
-    """Tell what to expect of an experiment; the deviation of the drag of each motion as a share of it [-].
+    """Tell what to expect of an experiment, in the water in which it is flown; a real vehicle is in a pool.
 
-    In the water in which it is flown: of a real vehicle, which nobody knows, in a pool.
+    Parameters
+    ----------
+    arguments
+        Of `pool-test`.
+    aim
+        Of the experiment.
+
+    Returns
+    -------
+    Mapping[str, float]
+        Deviation of the drag of each motion, as a share of it [-].
     """
     world = world_of_pool_test(arguments.world, arguments.simulator)
     vehicle = load_vehicle(Path(arguments.vehicle))

@@ -374,11 +374,7 @@ class Pilot:
         if flown is not None and flown.forces_N and not flown.done:
             # No dead thruster is looked for meanwhile, and nothing held: all of that believes the vehicle file.
             return PilotOutput(wrench, states, flown, self._guards, forces_N=flown.forces_N)
-        total = _sum(_sum(held.wrench, wrench), keeping)
-        if self._powerless:
-            # Of surge and sway the DVL alone says that nothing moves it: against one that hangs a hold pushes for ever.
-            total = (0.0, 0.0, *total[2:])
-        total = _sum(total, self._current_operator_wrench(stamp))
+        total = _sum(_sum(_sum(held.wrench, wrench), keeping), self._current_operator_wrench(stamp))
         if flown is not None and flown.resting:
             total, self._unserved = ZERO6, total
         suspected_fault = self._suspected_fault(navigation, stamp, allocation)

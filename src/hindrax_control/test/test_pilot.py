@@ -238,26 +238,6 @@ def test_a_maneuver_engages_its_holds_and_bears_no_wrench_by_hand(hovering: Hove
     assert (flight.maneuver, flight.wrench, engaged(flight), hovering.pilot.flying) == (None, ZERO6, set(), False)
 
 
-def test_a_hold_that_moves_nothing_lets_surge_and_sway_go_and_an_operator_pushes_on(
-    hovering: Hovering, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It may be a DVL that hangs: of depth and tilt other sensors say the same."""
-    hovering.fly()
-    for setpoint in (Setpoint("station"), Setpoint("depth", value=1.5)):
-        hovering.pilot.set(setpoint)
-    hovering.fly()
-    hovering.ideal.north += 0.5
-    assert hovering.fly().wrench[0] < 0.0
-    found = iter([SuspectedFault(EVERY, 1.0)])
-    monkeypatch.setattr(ThrusterFaultDetector, "step", lambda *_: next(found, None))
-    hovering.pilot.step(hovering.ideal.navigation(), hovering.ideal.stamp, allocated((1.0,) * 8), armed=True)
-    surge, sway, heave, *_ = hovering.fly().wrench
-    assert (surge, sway) == (0.0, 0.0)
-    assert heave > 0.0
-    pushed_by_hand(hovering)
-    assert hovering.fly().wrench[:2] == (5.0, 0.0)
-
-
 def test_a_dead_supply_is_told_by_every_hold_and_guard_until_it_is_disarmed(
     hovering: Hovering, monkeypatch: pytest.MonkeyPatch
 ) -> None:

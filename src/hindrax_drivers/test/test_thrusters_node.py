@@ -60,7 +60,7 @@ class Thread:
         self, make: Callable[[], Any], guard: OutputGuard, listener: ThrustersNode, beat: Callable[[], None]
     ) -> None:
         self.make, self.guard, self.listener, self.beat = make, guard, listener, beat
-        self.ready, self.now = True, Stamp(5)
+        self.ready, self.left_armed, self.now = True, False, Stamp(5)
         self.calls: list[tuple[Any, ...]] = []
         self.answer: Answer | None = Answer(accepted=True)
 
@@ -191,7 +191,7 @@ def test_the_output_is_opened_with_the_rest_of_the_guard_whose_knobs_are_paramet
     monkeypatch.setattr(thrusters_node, "open_output", lambda *words, **more: opened.append((words, more)))
     bench.thread.make()
     words = (VEHICLE, "/dev/i2c-1", "mock:clock", bench.node.tap.add, "thrusters")
-    assert opened == [(words, {"neutral": neutral, "riders": []})]
+    assert opened == [(words, {"neutral": neutral, "riders": [], "left_armed": False})]
 
 
 def test_a_node_that_was_started_again_says_how_the_one_before_it_ended(
