@@ -15,6 +15,7 @@ from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_control.navigation.estimator_health import EstimatorHealthKnobs
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_control.sensors import SensorMount
 from hindrax_control.testing.motion import vector
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -471,6 +472,17 @@ def test_a_dvl_hangs_too_where_it_misses_a_slow_push_that_the_thrusters_explain(
             ride.tell(t, BottomVelocity(velocity, 0.01, 1.0, 0.05, number), "dvl75")
             most = max(most, ride.out[-1].reading.consistency.refused_velocities if ride.out else 0)
     assert (most >= EstimatorHealthKnobs().refused_velocities) is hung
+
+
+def test_a_vehicle_that_points_exactly_up_has_no_direction_ahead_and_its_dvl_is_heard_all_the_same() -> None:
+    ride = Ride()
+    ride.run(4.0)
+    aiding = ride.navigator._aiding
+    aiding.attitude.rotation = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))
+    assert aiding.attitude.ahead == 0j
+    mount = SensorMount(ride.vehicle.sensors["dvl75"])
+    reading = BottomVelocity((0.001, 0.0, 0.0), 0.01, 1.0, 0.05, 1)
+    assert aiding.bottom_velocity(reading, mount, aiding.horizontal._rows[-1][0] - 0.1, "dvl75")
 
 
 @pytest.mark.parametrize(("noise_mps", "assumed"), [(0.0, False), (0.001, True)])

@@ -170,9 +170,9 @@ class Aiding:
         self.gain.measured(over_ground, valid_s)
         still, hangs = self.gain.shows_little, self._hanging.get(source, False)
         used = self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated, still=still, hangs=hangs)
-        if used or hangs:  # an outlier would count as a change for three times
-            level = over_ground * complex(a, -d) / math.hypot(a, d)
-            self._hanging[source] = self.hung.contradicts(level, valid_s, source)
+        # An outlier would count as a change for three times.
+        if (used or hangs) and (ahead := self.attitude.ahead):
+            self._hanging[source] = self.hung.contradicts(over_ground * ahead.conjugate(), valid_s, source)
         return used
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:

@@ -181,6 +181,12 @@ class AttitudeFilter:
         return math.atan2(r21, r11)
 
     @property
+    def ahead(self) -> complex:
+        """Direction ahead over ground, north + i east, of length one; 0 where it points straight up or down."""
+        ahead = complex(self.rotation[0][0], self.rotation[1][0])
+        return ahead / abs(ahead) if ahead else 0j
+
+    @property
     def euler_rad(self) -> Vec3:
         """Roll, pitch, yaw."""
         (r11, _, _), (r21, _, _), (r31, r32, r33) = self.rotation

@@ -342,14 +342,12 @@ class Navigator:
     def _witness(self, change_mps: complex, velocity_mps: Vec3, rate: Vec3, now_s: float, dt: float) -> None:
         """Tell what accelerometer (north + i east) and thrusters make of a tick, against which a DVL is held."""
         expected_mps2 = self._thrust_model.step(self._forces_N, velocity_mps, rate, dt)
-        north, east, down = self._attitude.rotation
-        ahead = complex(north[0], east[0])
+        ahead, down = self._attitude.ahead, self._attitude.rotation[2]
         if expected_mps2 is None or not ahead:
             self._aiding.hung.forget()
             return
         turned = dt * sum(axis * turn for axis, turn in zip(down, rate, strict=True))
-        level = change_mps * ahead.conjugate() / abs(ahead)
-        self._aiding.hung.changed(level, dt * expected_mps2, turned, now_s)
+        self._aiding.hung.changed(change_mps * ahead.conjugate(), dt * expected_mps2, turned, now_s)
 
     def _reckon(self, north_m: float, east_m: float, dt: float) -> None:
         """Count one step of the way, and how far it may be off.
