@@ -69,6 +69,7 @@ def test_a_dead_supply_is_found_and_named_as_such(hindrax: Vehicle, ideal_vehicl
     found, at_s = rig.fly(sinking, 25.0, dead=tuple(rig.names))
     assert found is not None
     assert found.name == EVERY
+    assert all(cause in found.sentence for cause in ("supply", "holds it fast", "DVL"))
     assert found.missing == pytest.approx(1.0, abs=0.1)
     assert "supply is dead" in found.sentence
     assert at_s < 5.0 + 10.0

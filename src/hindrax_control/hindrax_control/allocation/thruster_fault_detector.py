@@ -47,7 +47,7 @@ FIRST_S = 5.0
 REVERSED = 1.5
 """Missing share of its force from which on a thruster is not dead, but wired the wrong way round."""
 EVERY = "all thrusters"
-"""Suspect where none of them moves the vehicle: a dead supply, or a vehicle that is held fast."""
+"""Suspect where none of them moves the vehicle: a dead supply, a vehicle held fast, or a velocity that hangs."""
 EVERY_MISSING, EVERY_EXPLAINED = 0.75, 0.85
 """The same two knobs for all of them together: weak thrusters, drag and current explain a share of it too."""
 JUDGED_S = 0.09
@@ -105,7 +105,10 @@ class SuspectedFault:
     def sentence(self) -> str:
         """Message for the operator."""
         if self.name == EVERY:
-            return "none of the thrusters moves the vehicle: their supply is dead, or something holds it fast"
+            return (
+                "none of the thrusters moves the vehicle: their supply is dead, something holds it fast, "
+                "or the DVL does not show its motion"
+            )
         if self.missing > REVERSED:
             return f"{self.name}: it pushes the wrong way round"
         return f"{self.name}: {100.0 * min(1.0, self.missing):.0f} % of its thrust is missing"
