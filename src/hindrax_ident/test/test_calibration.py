@@ -1,13 +1,14 @@
 """What the calibration of the thrusters does to a result, against fits to wrongly scaled thrust."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.thrust.table import ThrustTable
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.influences import INFLUENCES, AxisFit
 from hindrax_ident.assess.thrust_calibration import branch_covariance, modes, thrust_shares
@@ -54,6 +55,16 @@ def calibration(vehicle: Vehicle, record: Record, fit: OutputErrorFit) -> Array:
 def surge(vehicle: Vehicle) -> tuple[Record, OutputErrorFit]:
     record = record_of(Model(0, 15.22), SURGE)
     return record, fitted(vehicle, record)
+
+
+@pytest.mark.parametrize("name", ["hindrax", "bluerov2"])
+def test_a_thrust_that_is_rounding_has_no_error(name: str) -> None:
+    """Thrusters of one axis cancel on another to 1e-16 of their forces, with a sign that depends on the computer."""
+    force = np.array([10.0, 1e-15, -1e-15, 0.0, -10.0])
+    other = load_vehicle(Path(__file__).parents[2] / f"hindrax_bringup/vehicles/{name}.yaml")
+    for mode in modes(other, 0):
+        error = mode.error(force)
+        assert np.abs(error[1:4]).max() < 1e-12 * np.abs(error).max()
 
 
 def test_a_gain_error_scales_every_coefficient(vehicle: Vehicle, surge: tuple[Record, OutputErrorFit]) -> None:

@@ -20,6 +20,8 @@ from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import unit_wrench
 
 TABLE = 401
+ROUNDING = 1e-9
+"""Of the largest force: where thrusters cancel on an axis, a sum with either sign is left, which depends on the computer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +94,14 @@ def _offset_error(sign: float, allocation: list[tuple[float, float]]) -> Callabl
 
     def error(force: Array) -> Array:
         """Thrust error per newton of the table: (n, 1)."""
-        return np.asarray(sum(per_newton * (share * force * sign > 0.0) for per_newton, share in allocation))[:, None]
+        return np.asarray(sum(per_newton * _acts(share * force * sign) for per_newton, share in allocation))[:, None]
 
     return error
+
+
+def _acts(force: Array) -> Array:
+    """Where a force acts in the positive direction: (n,)."""
+    return np.asarray(force > ROUNDING * np.abs(force).max(initial=0.0))
 
 
 def branch_covariance(branch: Branch) -> Array:
@@ -156,7 +163,7 @@ def _branch_error(
         for per_newton, share in allocation:
             own = share * force
             for side in (sign, -sign) if mirrored else (sign,):
-                active = own * side > 0.0
+                active = _acts(own * side)
                 pulse = np.interp(sign * np.abs(own), forces[order], pulses[order])
                 total += (per_newton * side * sign * active)[:, None] * _powers(pulse)
         return total
