@@ -206,14 +206,14 @@ def whole_title(terminal: Terminal, up: psutil.Process) -> str:
 @pytest.mark.usefixtures("up")
 def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal: Terminal) -> None:
     code, printed, wrong = terminal.run("thruster", "disable", "T3", "T4", "--reason", "blade lost")
-    assert (code, printed) == (0, "out of use: T3, T4; lost axes: sway\n"), wrong
+    assert (code, printed) == (0, "disabled: T3, T4; lost axes: sway\n"), wrong
     code, printed, wrong = terminal.run("thruster", "enable", "T4", "--json")
     assert json.loads(printed) == {"disabled": ["T3"], "lost_axes": []}, wrong
     for what in ("disable", "enable"):
         code, _, wrong = terminal.run("thruster", what, "T3", "T12")
         assert code == 1
         assert "found no thruster T12; the vehicle has T1" in wrong
-    assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
+    assert terminal.run("thruster", "enable", "T3", "T4")[1] == "disabled: none\n"
 
 
 def test_a_control_process_that_comes_back_is_reported_what_is_out_of_use(
@@ -229,7 +229,7 @@ def test_a_control_process_that_comes_back_is_reported_what_is_out_of_use(
             break
     assert code == 0, wrong
     assert json.loads(printed)["disabled"] == ["T3"]
-    assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
+    assert terminal.run("thruster", "enable", "T3", "T4")[1] == "disabled: none\n"
     # Where it is in the pool only a person knows now.
     wait_for(
         lambda: "pilot: pool_box: the vehicle was armed before this pilot began" in terminal.errors("up"), terminal
@@ -303,7 +303,7 @@ def test_without_a_stack_commands_say_what_is_missing(tmp_path: Path, terminal: 
     alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": str(ros_domain)}, tmp_path)
     code, _, printed = alone.run("disarm")
     assert code == 1
-    assert "the thrusters node to offer thrusters/arm; `./hindrax health` says what of its stack is up" in printed
+    assert "the thrusters node to offer thrusters/arm; `./hindrax health` shows the state of its stack" in printed
     code, _, printed = alone.run("stop")
     assert code == 1
     assert "cut the power" in printed

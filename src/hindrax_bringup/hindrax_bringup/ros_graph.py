@@ -93,6 +93,6 @@ def full_shared_memory(place: Path = SHARED_MEMORY) -> str:
         free = shutil.disk_usage(place).free
     except OSError:  # there is none: then nothing is mapped
         return ""
-    remedy = "remove what ended processes left there (`ls -l`), or give a container more (`--shm-size`)"
+    remedy = "remove the files that ended processes left there (`ls -l`), or give a container more (`--shm-size`)"
     found = f"{place} is full: {free // 1000} kB are free, {LEAST_BYTES // 1000} kB are wanted"
     return f"{found}; {remedy}" if free < LEAST_BYTES else ""

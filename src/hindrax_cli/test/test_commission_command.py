@@ -34,7 +34,7 @@ def test_without_a_stack_no_claim_is_judged(
     monkeypatch.setattr(commissioning_run, "commission_beside", lambda *_, **__: pytest.fail("judged"))
     assert main(["commission"]) == 1
     captured = capsys.readouterr()
-    assert "the thrusters; `./hindrax health` says what of its stack is up" in " ".join(captured.err.split())
+    assert "the thrusters; `./hindrax health` shows the state of its stack" in " ".join(captured.err.split())
     assert captured.out == ""
 
 

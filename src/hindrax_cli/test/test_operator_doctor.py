@@ -81,7 +81,7 @@ def test_room_for_bags(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert "wanted 0.5 GB" in machine.disk(tmp_path).remedy
 
 
-@pytest.mark.parametrize(("free", "remedy"), [(0, "remove what ended processes left there"), (1 << 20, "")])
+@pytest.mark.parametrize(("free", "remedy"), [(0, "remove the files that ended processes left there"), (1 << 20, "")])
 def test_shared_memory_without_room_is_named(monkeypatch: pytest.MonkeyPatch, free: int, remedy: str) -> None:
     monkeypatch.setattr("hindrax_bringup.ros_graph.shutil.disk_usage", lambda _place: Message(free=free))
     found = machine.shared_memory()

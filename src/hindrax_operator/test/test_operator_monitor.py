@@ -117,7 +117,7 @@ def test_everything_is_on_a_screen_of_80_by_24() -> None:
         "locked",
         "1640 us",
         "+15.5 N",
-        "out of use",
+        "disabled",
         "at 270.0 deg",
         "no echo",
         "dvl75 20 Hz",
@@ -241,6 +241,13 @@ def test_before_anything_is_received_it_reports_it_and_can_stop_all_the_same() -
     assert "no message yet" in text
     assert "no navigation solution yet" in text
     assert vehicle.orders == ["stop"]
+
+
+def test_where_no_vehicle_was_ever_seen_nothing_is_said_of_its_thrusters() -> None:
+    """`monitor` without a stack."""
+    text, _ = screen(Snapshot(stoppable=False))
+    assert "no message yet" in text
+    assert "cut the power" not in text
 
 
 def test_a_vehicle_that_falls_silent_is_not_shown_as_armed() -> None:

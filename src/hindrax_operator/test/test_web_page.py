@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -111,6 +112,8 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         page.vehicle.shown = replace(ARMED, silent_s=7.0, stoppable=False)
         seen.wait(f"{text('reason')}.includes('cut the power')")
         assert seen.run(COLOR_OF_STOP) != STOP_RED, "it would be refused"
+        page.vehicle.shown = replace(ARMED, silent_s=math.inf, stoppable=False)
+        seen.wait(f"{text('reason')} === 'no message from the thrusters'")
         page.vehicle.shown = replace(ARMED, flight=ManeuverView("surge", "plateau", "", 0.42, 93.0, 2.1, 14.2, 0.312))
         seen.wait(f"{text('flight')}.includes('42 %')")
 

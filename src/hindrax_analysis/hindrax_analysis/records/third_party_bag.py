@@ -239,7 +239,7 @@ def _in_world(track: Track, at_s: Array, rows: Array, poses: tuple[Array, Array]
     if not named_world and found is not None and found.is_neither and found.still > 0.0:
         axes.notes.append(f"{track.topic}: suspect, its velocities contradict the change of its positions in any axes")
     if named_world or (found is not None and found.is_world):
-        why = "as named" if named_world else f"not in {track.frame or 'those of the body'}: its positions change so"
+        why = "as named" if named_world else f"not of {track.frame or 'the body'}: its positions change so"
         note = f"velocities taken in the axes of the world, {why}, and turned by its attitude"
         axes.notes.append(f"{track.topic}: {note}")
         return True

@@ -67,7 +67,7 @@ class DivergenceKnobs:
     surprise_radps2: float = knob(0.6, 0.05, 50.0, "least angular acceleration without explanation [rad/s^2]")
     certain_radps2: float = knob(3.0, 0.1, 100.0, "the same, from which on it ends thrust without diverging [rad/s^2]")
     known_times: float = knob(6.0, 1.0, 50.0, "times drag and righting moment of its file that a vehicle may have [-]")
-    explained: float = knob(0.6, 0.1, 1.0, "share of it that one thruster or axis must explain [-]")
+    explained: float = knob(0.6, 0.1, 1.0, "fraction of it that one thruster or axis must explain [-]")
 
 
 class DivergenceGuard:

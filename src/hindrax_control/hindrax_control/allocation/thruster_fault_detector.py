@@ -59,20 +59,20 @@ class FaultDetectorKnobs:
     """Detection thresholds."""
 
     trim_s: float = knob(30.0, 1.0, 600.0, "time over which ballast and trim are learned [s]")
-    ballast_share: float = knob(0.05, 0.0, 1.0, "ballast that the file may not know, as a share of the weight [-]")
+    ballast_share: float = knob(0.05, 0.0, 1.0, "ballast that the file may not know, as a fraction of the weight [-]")
     filter_s: float = knob(0.6, 0.1, 10.0, "time constant of the filter of the momentum balance [s]")
     memory_s: float = knob(2.5, 0.2, 60.0, "time over which evidence is gathered [s]")
     patience_s: float = knob(1.5, 0.0, 60.0, "time for which the evidence must hold [s]")
-    missing: float = knob(0.6, 0.1, 1.0, "share of its force that must be missing [-]")
-    explained: float = knob(0.65, 0.1, 1.0, "share of the residual that one thruster must explain [-]")
+    missing: float = knob(0.6, 0.1, 1.0, "fraction of its force that must be missing [-]")
+    explained: float = knob(0.65, 0.1, 1.0, "fraction of the residual that one thruster must explain [-]")
     surprise: float = knob(9.0, 1.0, 1e4, "mean square of the residual, in variances of the model, from which on [-]")
     current_mps: float = knob(0.2, 0.0, 5.0, "current against which all thrusters may hold a vehicle that rests [m/s]")
     sigma: Vec6 = knob((0.8, 0.8, 1.0, 0.15, 0.2, 0.12), 1e-3, 1e3, "error of the model at rest [N, N m]")
-    sigma_drag: float = knob(0.35, 0.0, 2.0, "error of the model as a share of the drag [-]")
+    sigma_drag: float = knob(0.35, 0.0, 2.0, "error of the model as a fraction of the drag [-]")
     righting_times: float = knob(
         6.0, 1.0, 50.0, "times its righting moment, and its drag in a turn, that a vehicle may have [-]"
     )
-    sigma_thrust: float = knob(0.1, 0.0, 1.0, "loss of each thruster under load, as a share of its thrust [-]")
+    sigma_thrust: float = knob(0.1, 0.0, 1.0, "loss of each thruster under load, as a fraction of its thrust [-]")
 
 
 def without_more(residual: Matrix, known: Matrix, times: float) -> Matrix:

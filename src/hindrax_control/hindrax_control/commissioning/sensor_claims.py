@@ -374,7 +374,7 @@ def _magnetic(evidence: Evidence) -> Iterator[Finding]:
             yield Finding(claim, PROVEN, claimed, f"explains {1.0 - left * left:.0%} of the turning of the field")
         elif left < ASTRAY:
             words = f"explains only {1.0 - left * left:.0%} of the turning of the field"
-            yield Finding(claim, OPEN, claimed, words, remedy="turn it further from what disturbs the field")
+            yield Finding(claim, OPEN, claimed, words, remedy="turn it farther from the source of the disturbance")
         else:
             remedy = "look for a magnet or a current near it; `./hindrax imu` calibrates it"
             yield Finding(claim, WRONG, claimed, "the field turns otherwise", remedy=remedy)
@@ -450,7 +450,7 @@ def _sag(vehicle: Vehicle, found_ohm: float, sigma_ohm: float) -> Finding:
     claimed = "none" if declared_ohm is None else f"{1e3 * declared_ohm:g} mohm"
     if not sigma_ohm <= LARGEST_SIGMA_OHM:  # nor is NaN
         return Finding(claim, MEASURED, claimed, "not shown: the sensor measures no current, or there was too little")
-    found = f"{1e3 * found_ohm:.0f} mohm, give or take {1e3 * sigma_ohm:.0f}"
+    found = f"{1e3 * found_ohm:.0f} mohm +- {1e3 * sigma_ohm:.0f}"
     if declared_ohm is None:
         return Finding(claim, MEASURED, claimed, found)
     if found_ohm - declared_ohm <= max(SAG_SHARE * declared_ohm, LEAST_SAG_OHM, 3.0 * sigma_ohm):

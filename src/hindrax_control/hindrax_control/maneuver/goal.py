@@ -347,7 +347,7 @@ def require_servable(motions: Sequence[str], vehicle: Vehicle, disabled: frozens
     flown = servable_motions(AXES, vehicle, disabled).flown
     wanted = f"some of {', '.join(flown)}" if flown else "thrusters that do"
     with_all = servable_motions((motion,), vehicle).flown
-    mend = "`./hindrax thruster enable` what works" if with_all else "correct `thrusters` in the vehicle file"
+    mend = "`./hindrax thruster enable` those that work" if with_all else "correct `thrusters` in the vehicle file"
     sentence = f"{motion}: {reason}, wanted {wanted}; {mend}{', or fly those' if flown else ''}"
     raise UsageError(Refusal(Reason.MOTION, sentence))
 

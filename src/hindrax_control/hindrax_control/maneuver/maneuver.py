@@ -43,8 +43,8 @@ class ManeuverKnobs:
     """Limits of maneuvers beyond their plans."""
 
     excitation_s: float = knob(60.0, 5.0, 600.0, "duration of an excitation of one motion [s]")
-    overtime: float = knob(1.6, 1.0, 10.0, "share of the planned time after which a maneuver is aborted [-]")
-    overtime_s: float = knob(90.0, 0.0, 3600.0, "time on top of that share [s]")
+    overtime: float = knob(1.6, 1.0, 10.0, "fraction of the planned time after which a maneuver is aborted [-]")
+    overtime_s: float = knob(90.0, 0.0, 3600.0, "time on top of that fraction [s]")
     shortfall_N: float = knob(3.0, 0.0, 100.0, "shortfall of surge or sway that stops the station's integral [N]")
 
 

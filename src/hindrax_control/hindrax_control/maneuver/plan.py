@@ -61,7 +61,7 @@ class PlanKnobs:
     wall_m: float = knob(0.8, 0.1, 10.0, "distance between hull and wall at which a leg has come to rest [m]")
     surface_m: float = knob(0.15, 0.0, 10.0, "least water above the hull in heave [m]")
     floor_m: float = knob(0.35, 0.0, 10.0, "least water under the hull in heave [m]")
-    reserve: float = knob(0.7, 0.1, 1.0, "share of the thrusters' reach that boost and brake may use [-]")
+    reserve: float = knob(0.7, 0.1, 1.0, "fraction of the thrusters' reach that boost and brake may use [-]")
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
         0.003, 1e-4, 1.0, "least standard deviation of depth by pressure: beyond it counts what is measured [m]"
     )
     sonar_sigma_m: float = knob(0.01, 1e-4, 1.0, "standard deviation of the sonar at zero range [m]")
-    sonar_sigma: float = knob(0.005, 0.0, 0.5, "standard deviation of the sonar as a share of range [-]")
+    sonar_sigma: float = knob(0.005, 0.0, 0.5, "standard deviation of the sonar as a fraction of range [-]")
     sonar_confidence: float = knob(0.5, 0.0, 1.0, "echoes below this confidence are not used [-]")
     sonar_beam_deg: float = knob(25.0, 1.0, 90.0, "opening angle of the sonar's beam [deg]")
     sonar_tilt_deg: float = knob(25.0, 1.0, 90.0, "tilt above which ranges to the floor are not used [deg]")

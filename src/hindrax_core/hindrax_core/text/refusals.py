@@ -118,7 +118,7 @@ THRUSTERS_BY_HAND = (
     "no file is made for this frame: describe its thrusters by hand (docs/how-to/new-vehicle.md, Minimum for flight)"
 )
 """What to do about an ArduSub whose frame has no vehicle in the box."""
-AIDING = "check what aids the autopilot's estimator, its DVL or GPS (QGroundControl, EKF status)"
+AIDING = "check the aids of the autopilot's estimator, a DVL or GPS (QGroundControl, EKF status)"
 """What to do instead about a velocity that only the autopilot has."""
 
 

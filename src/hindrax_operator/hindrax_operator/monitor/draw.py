@@ -30,7 +30,9 @@ def headline(view: Snapshot, title: str) -> Text:
     """Armed or not, before everything else; then who and when."""
     thrusters = view.thrusters
     if view.silent_s > SILENT_S:
-        silent = "no message yet" if math.isinf(view.silent_s) else f"no message for {view.silent_s:.0f} s"
+        if math.isinf(view.silent_s):  # nothing has ended that was never seen
+            return Text.assemble((" no message yet ", "bold white on red"), "  ", (title, DIM))
+        silent = f"no message for {view.silent_s:.0f} s"
         hint = "" if view.stoppable else f"  {ENDED_DISARMED if thrusters.state == 'disarmed' else ENDED_ARMED}"
         return Text.assemble((f" {silent} ", "bold white on red"), hint, "  ", (title, DIM))
     color = "bold white on red" if thrusters.armed else "bold black on green"
@@ -86,7 +88,7 @@ def thrusters(found: Thrusters) -> RenderableType:
     rows = zip(found.names, found.pulses_us, found.stops_us, found.forces_N, found.saturated, strict=True)
     for name, pulse, stop, force, saturated in rows:
         if name in found.disabled:
-            table.add_row(Text(name, style=BAD), Text("out of use", style=BAD), "", "")
+            table.add_row(Text(name, style=BAD), Text("disabled", style=BAD), "", "")
             continue
         color = BAD if saturated else "cyan"
         table.add_row(

@@ -51,7 +51,7 @@ from hindrax_ros.standstill import StandstillWatch
 T = TypeVar("T")
 ActionGoal: TypeAlias = FlyManeuver.Goal | RunExperiment.Goal
 
-UP = "`./hindrax health` says what of its stack is up, `./hindrax up` starts one"
+UP = "`./hindrax health` shows the state of its stack, `./hindrax up` starts one"
 ANSWER_S = 10.0
 """For answers, and for nodes to be found: on a busy machine both take seconds."""
 FLY_AGAIN = "find the cause (`./hindrax doctor`), arm and fly again"

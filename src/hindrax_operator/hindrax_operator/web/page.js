@@ -163,7 +163,7 @@ function headline() {
     pill.className = "pill warn";
     pill.textContent = cut ? (last ? "page cut off" : "connecting") : "vehicle silent";
     at("reason").textContent = cut ? "the page gets no updates" :
-      "no message from the thrusters" + (gone ? ", and no program is left to stop them: if they turn, cut the power" : "");
+      "no message from the thrusters" + (gone && last.silent_s !== null ? ", and no program is left to stop them: if they turn, cut the power" : "");
     return;
   }
   const {armed, state, reason} = last.thrusters;

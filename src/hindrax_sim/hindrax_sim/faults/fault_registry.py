@@ -113,7 +113,7 @@ KINDS = (
     FaultKind("saturated", "measurements at the end of their scale", line.Saturated, bus.Saturated, wires=SERIAL + I2C),
     FaultKind("repeated", "the device repeats its last message", line.Repeated, bus.Repeated, wires=SERIAL + I2C),
     FaultKind("link_loss", "one packet in five is lost, either way", line.LostFrames, others=(LINK,)),
-    FaultKind("link_delay", "what the autopilot says comes 0.3 s late", line.LateFrames, others=(LINK,)),
+    FaultKind("link_delay", "messages of the autopilot come 0.3 s late", line.LateFrames, others=(LINK,)),
     FaultKind("second_station", "another ground station moves its stick", line.SecondStation, others=(LINK,)),
     FaultKind("velocity_bias", "0.25 m/s of bias forward", on_truth=truth.velocity_bias, measuring="velocity"),
     FaultKind("velocity_frozen", "the velocity freezes", on_truth=truth.velocity_frozen, measuring="velocity"),

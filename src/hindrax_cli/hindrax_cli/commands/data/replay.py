@@ -30,7 +30,7 @@ def _way(parser: argparse.ArgumentParser) -> None:
     option("bags", nargs="*", type=Path, metavar="BAG", help="folder of a bag, or one of its files"),
     _way,
     option("--all", action="store_true", help="every reference bag of this clone, against its reference"),
-    option("--update-refs", action="store_true", help="with --all: write the references, print what changed"),
+    option("--update-refs", action="store_true", help="with --all: write the references, print the changes"),
     option("--remap", action="append", default=[], metavar="THEIRS:=OURS", help="read a topic under our name"),
     named_vehicle("vehicle, for bags that have no file of it inside"),
     option("--tolerances", type=Path, default=TOLERANCES, metavar="FILE", help="default: ours"),

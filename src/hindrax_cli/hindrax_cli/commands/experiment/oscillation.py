@@ -90,7 +90,7 @@ def _show_free_decay(result: FreeDecay, kind: str) -> None:
 @command(
     "./hindrax forced heave_0.1Hz.csv heave_0.2Hz.csv --motion heave --mass 78 --length 0.875 --plot heave.png",
     record(FORCED_COLUMNS, nargs="+"),
-    option("--motion", choices=list(MOTIONS), required=True, help="what the mechanism drives"),
+    option("--motion", choices=list(MOTIONS), required=True, help="driven by the mechanism"),
     option("--mass", type=positive, required=True, metavar="KG", help="mass of the model [kg]"),
     option("--length", type=positive, required=True, metavar="M", help="length, for dimensionless forms [m]"),
     option("--inertia", type=positive, metavar="KGM2", help="of the model, for pitch and yaw [kg m^2]"),

@@ -27,7 +27,7 @@ from hindrax_laboratory.benchmark.blind_benchmark import (
 
 ABOUT = """
 `make` flies ellipsoids in the fluid of MuJoCo (pip install mujoco) and writes a record and its questions per file, the
-truth apart from them; `answer` writes what the methods here say, METHOD.json in the folder; `score` prints a table
+truth apart from them; `answer` writes the answers of the methods here, METHOD.json in the folder; `score` prints a table
 of these and of files of other tools. The format is in docs/how-to/benchmark.md.
 """
 MAKE, ANSWER, SCORE = "make", "answer", "score"
@@ -66,7 +66,7 @@ def benchmark(arguments: argparse.Namespace) -> int:
     if arguments.what == ANSWER:
         return _answer(arguments)
     if not (folder / TRUTH).is_file():
-        raise UsageError(f"{folder}: has no {TRUTH}; `make` writes it beside the records")
+        raise UsageError(f"{folder}: has no {TRUTH}; `make` writes it next to the records")
     truth = json.loads((folder / TRUTH).read_text(encoding="utf-8"))
     found = [folder / f"{name}.json" for name in METHODS if (folder / f"{name}.json").is_file()]
     given = {file.stem: read_answers(file) for file in [*found, *arguments.files]}
@@ -122,7 +122,7 @@ def print_common(reference: str, shared: dict[str, Common]) -> None:
     for name, one in shared.items():
         numbers = (one.ours.error, one.theirs.error, one.ours.band, one.theirs.band)
         lines.append((name, f"{one.axes} axes", *("" if x is None else f"{x:.0%}" for x in numbers)))
-    print_table(f"Over the axes that both answered: beside {reference}", ("answers",), heads, lines)
+    print_table(f"Over the axes that both answered, compared with {reference}", ("answers",), heads, lines)
 
 
 def _cells(row: Row) -> Sequence[str]:

@@ -58,7 +58,7 @@ ANGLES = {"--heading-offset": flash.HEADING_OFFSET, "--declination": "Magnetic d
     option("--baud-rate", type=BAUD, metavar="RATE", help="new line speed [bit/s]"),
     option("--reboot", action="store_true", help="restart the device afterwards"),
     option("--always", action="store_true", help="also send unchanged settings; wears the flash"),
-    option("--dry-run", action="store_true", help="only print what would be sent"),
+    option("--dry-run", action="store_true", help="only print the commands, send nothing"),
     add_json,
 )
 def dvl(arguments: argparse.Namespace) -> int:

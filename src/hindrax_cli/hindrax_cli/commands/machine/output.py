@@ -78,7 +78,7 @@ def oscillator(arguments: argparse.Namespace) -> int:
         "edges": edges[-1][0] - edges[0][0],
         "written": arguments.write,
     }
-    text = f"oscillator {found_Hz / 1e6:.4f} MHz, {percent:+.2f} % of what the vehicle file has, {kept}"
+    text = f"oscillator {found_Hz / 1e6:.4f} MHz, {percent:+.2f} % from the vehicle file, {kept}"
     return print_answer(report, text, as_json=arguments.json)
 
 

@@ -144,7 +144,7 @@ def _show(findings: Findings, kept: Sequence[str], file: str) -> None:
         partial(way, findings.rows, claims=bool(doubtful)),  # of what is as claimed the file says the rest
         partial(way, doubtful, rest, f"the whole table: {file}"),
         partial(way, doubtful, f"the whole table: {file}", claims=False),
-        partial(way, [], f"what was found: {file}"),
+        partial(way, [], f"all findings: {file}"),
         above=len(fitted(ended, screen_width(sys.stderr)).splitlines()),
     )
 

@@ -161,7 +161,7 @@ def wrench(arguments: argparse.Namespace) -> int:
 
 
 def warn_of(without: Sequence[str]) -> None:
-    """Say which thrusters are out of use: what was ordered is served without them."""
+    """Say which thrusters are disabled: what was ordered is served without them."""
     for sentence in without:
         print_stderr(f"without a thruster: {sentence}")
 
@@ -210,7 +210,7 @@ class Allocated(Protocol):
 
 def outcome_text(allocation: Allocated) -> str:
     """Return what the thrusters made of it at the end, holds included."""
-    text = f"done; with the holds it was {wrench_text(allocation.achieved)}"
+    text = f"done; total force including holds: {wrench_text(allocation.achieved)}"
     lacking = wrench_text(allocation.shortfall)
     if lacking != "nothing":
         text += f"; lacking {lacking}"

@@ -1,4 +1,4 @@
-"""`hindrax thruster`: one thruster alone, its curve from a bench sweep, and thrusters out of use."""
+"""`hindrax thruster`: one thruster alone, its curve from a bench sweep, and disabled thrusters."""
 
 import argparse
 from pathlib import Path
@@ -87,5 +87,5 @@ def _set_health(arguments: argparse.Namespace) -> int:
 
         left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")
         lost = list(operator.allocation.lost_axes) if operator.allocation is not None else []
-    text = f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else "")
+    text = f"disabled: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else "")
     return print_answer({"disabled": left_out, "lost_axes": lost}, text, as_json=arguments.json)

@@ -71,7 +71,7 @@ def _use_autopilot(arguments: argparse.Namespace) -> tuple[str, ...]:
     if left_out:
         _say(f"--autopilot: without {', '.join(left_out)}, which are not on its line")
     if measured and not aided:
-        _say("--autopilot: its estimator claims no velocity (no DVL, no GPS): what needs one, it cannot fly")
+        _say("--autopilot: its estimator claims no velocity (no DVL, no GPS), so no motion that needs one can be flown")
     settings = [word for one in arguments.set or () for word in ("--set", str(one))]
     proof = ("--uncommissioned",) if arguments.uncommissioned else ()
     return ("--autopilot", address, "--vehicle", str(file), *proof, *settings)
@@ -136,7 +136,7 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
         "--without-record",
         choices=(ABORT, CONTINUE),
         default=ABORT,
-        help="what happens when the recorder or its disk fails in flight; default: abort",
+        help="reaction when the recorder or its disk fails in flight; default: abort",
     ),
     option("--start", nargs="+", metavar="X", help=f"X Y [DEG]: {PLACE_HELP}"),
     option("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>"),
