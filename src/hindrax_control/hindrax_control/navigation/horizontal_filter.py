@@ -237,7 +237,7 @@ class PositionKnobs:
     """Prior of the errors of the DVL."""
 
     dvl_bias_mps: float = knob(0.003, 0.0, 1.0, "standard deviation of a constant bias of the DVL, each axis [m/s]")
-    dvl_share: float = knob(0.027, 0.0, 1.0, "error of the distance by scale, mount and heading, as a fraction of it [-]")
+    dvl_share: float = knob(0.027, 0.0, 1.0, "error by scale, mount and heading, as a fraction of the distance [-]")
 
 
 class PositionUncertainty:

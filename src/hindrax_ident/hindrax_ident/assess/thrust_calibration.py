@@ -21,7 +21,7 @@ from hindrax_ident.model.motion_model import unit_wrench
 
 TABLE = 401
 ROUNDING = 1e-9
-"""Of the largest force: where thrusters cancel on an axis, a sum with either sign is left, which depends on the computer."""
+"""Of the largest force: where thrusters cancel on an axis, a sum is left whose sign depends on the computer."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,8 +27,8 @@ from hindrax_laboratory.benchmark.blind_benchmark import (
 
 ABOUT = """
 `make` flies ellipsoids in the fluid of MuJoCo (pip install mujoco) and writes a record and its questions per file, the
-truth apart from them; `answer` writes the answers of the methods here, METHOD.json in the folder; `score` prints a table
-of these and of files of other tools. The format is in docs/how-to/benchmark.md.
+truth apart from them; `answer` writes the answers of the methods here, METHOD.json in the folder; `score` prints a
+table of these and of files of other tools. The format is in docs/how-to/benchmark.md.
 """
 MAKE, ANSWER, SCORE = "make", "answer", "score"
 JOINT = "joint"
