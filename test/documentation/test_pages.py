@@ -9,6 +9,7 @@ from documentation.pages import PAGES, ROOT, Command, block_of, commands_of, lin
 from hindrax_cli import command_line
 from hindrax_cli.command_line import main
 from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
+from hindrax_core.thrust.curves import running
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_sim.hardware import Hardware
 from hindrax_tools import ardusub
@@ -48,6 +49,17 @@ def test_every_path_is_there(page: Path) -> None:
     for path in paths_of(page):
         if MADE_BY_THE_READER not in path:
             assert (ROOT / path).exists(), f"{name(page)}: {path} is missing"
+
+
+def test_the_file_of_ardusubs_simulator_has_its_thrust() -> None:
+    """As its source has it: 51.48 N times the square of (pulse - 1500) / 400, none within 25 us."""
+    vehicle = load_vehicle(HOW_TO / "ardusub-sitl.yaml")
+    assert vehicle.net_buoyancy_N == pytest.approx(10.5 / 16.755, rel=1e-3)
+    for name_of, gain in (("horizontal", 2.0**0.5), ("vertical", 1.0)):
+        curve = running(vehicle.curves[name_of])
+        for pulse_us in (1100.0, 1474.0, 1490.0, 1526.0, 1541.0, 1900.0):
+            share = (pulse_us - 1500.0) / 400.0 * (abs(pulse_us - 1500.0) > 25.0)
+            assert curve.force_N(pulse_us) == pytest.approx(gain * 51.48 * share * abs(share), abs=1e-4)
 
 
 def test_every_page_can_be_reached_from_the_overview() -> None:

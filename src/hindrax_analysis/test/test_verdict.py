@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
+from hindrax_analysis.correction import what_was_corrected
 from hindrax_analysis.identification.verdict import (
     NextFlight,
     NextReport,
@@ -20,9 +21,11 @@ from hindrax_analysis.next_step import lacking
 from hindrax_analysis.report.run_page import _next
 from hindrax_core.text import screen_text
 from hindrax_core.text.digits import TWO_SIDED_95
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import array
 from hindrax_ident.assess.influences import INFLUENCES
 from hindrax_ident.assess.objections import Code, objection
-from hindrax_ident.assess.results import DragBand, MotionResult, NextStep
+from hindrax_ident.assess.results import DragBand, Interval, MotionResult, NextStep, Results
 from hindrax_ident.remedies import FLY_TWICE, THRUSTER_SWEEP, WEIGH_THRUST, Remedy
 
 SPEED, FORCE, STD = np.array([0.1, 0.4]), np.array([1.0, 20.0]), np.array([0.5, 2.0])
@@ -59,6 +62,19 @@ def test_each_motion_has_a_line_with_the_interval_and_the_held_out_error(capsys:
     assert surge == [*wanted[:4], "12%", wanted[4]]
     assert sway[0] == "sway*", "not identifiable"
     assert sway[3:] == ["30%", "", ""]
+
+
+def test_what_was_corrected_and_how_to_say_that_nothing_is(vehicle: Vehicle) -> None:
+    center = array([0.9, 16.4])
+    drag = replace(SURGE.drag, corrected=Interval(center, *(array(x * center) for x in (0.9, 1.1, 0.8, 1.2))))
+    motions = {"surge": replace(SURGE, drag=drag), "sway": SWAY, "yaw": replace(SURGE, drag=None)}
+    said = what_was_corrected(Results(motions, vehicle))
+    assert "surge -18%" in said
+    assert "sway" not in said, "its drag is that of the fit"
+    assert "`losses: false`" in said
+    assert what_was_corrected(Results({"sway": SWAY}, vehicle)) == ""
+    simulated = Results(motions, replace(vehicle, losses=False))
+    assert what_was_corrected(simulated) == "no loss of thrust is corrected: `losses: false` in the vehicle file"
 
 
 def test_what_has_no_drag_has_no_numbers(capsys: pytest.CaptureFixture[str]) -> None:

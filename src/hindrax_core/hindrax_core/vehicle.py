@@ -294,6 +294,9 @@ class Vehicle:
         None, 0.0, 10.0, "resistance of battery, cables and plugs, by which the supply sags under load [ohm]"
     )
     projected_areas_m2: Vec3 | None = knob(None, meaning="seen along x, y, z; for estimates from geometry [m^2]")
+    losses: bool = knob(
+        True, meaning="water, supply and tether take thrust that no curve has; false: none do, as in a simulator"
+    )
     water: Water = field(default_factory=Water)
     pool: Pool = field(default_factory=Pool)
     limits: Limits = field(default_factory=Limits)

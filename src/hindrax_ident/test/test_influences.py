@@ -178,6 +178,23 @@ def test_a_loss_that_a_record_hardly_shows_is_never_greater_than_the_thrust() ->
         assert bool(found.covariance[0, 0] < 1.0) is is_loss
 
 
+def test_a_plant_without_losses_is_not_corrected_for_any(flown: AxisFit) -> None:
+    """Such as a simulator: its raw fit was right to a percent, and reported 10 to 29 % too low."""
+    simulated = replace(flown, vehicle=replace(flown.vehicle, losses=False))
+    named = [{row.name for row, _ in acting(one)} for one in (flown, simulated)]
+    assert named[0] - named[1] == {row.name for row in INFLUENCES if row.loss}
+    assert named[1] < named[0]
+    pool = array([-1e3, -1e3, -1e3, 0.0])
+    of_drag = np.array([flown.speed**2, flown.speed, 0.0, 0.0])
+    corrections = []
+    for case in (flown, simulated, replace(simulated, vehicle=replace(simulated.vehicle, thrusters=()))):
+        budget = budget_of(case).in_water(pool)
+        draws = budget.draws(case.fit.covariance)
+        corrections.append(float(draws.weight @ draws.influences @ budget.shifts.T @ of_drag) / flown.top_drag)
+    assert corrections[0] > 0.1
+    assert corrections[1:] == pytest.approx([0.0, 0.0], abs=0.02)
+
+
 @pytest.mark.parametrize("shown", [0.0, 1.0])
 def test_inflow_that_one_motion_shows_counts_for_those_that_cannot_show_it(shown: float) -> None:
     """It is a number of the thrusters; the rest of the water stays near the model all the same."""

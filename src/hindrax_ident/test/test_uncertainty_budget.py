@@ -13,6 +13,7 @@ from hindrax_ident.assess.objections import Code
 from hindrax_ident.assess.uncertainty_budget import (
     ALL,
     NEAR_ODDS,
+    ODD_RECORD,
     Budget,
     BudgetRow,
     _explained,
@@ -299,6 +300,16 @@ def test_other_motions_show_how_near_the_water_is_to_the_model(case: AxisFit) ->
     shown = replace(hidden, considered=False)
     alone = budget_of(case, (shown,))
     assert alone.in_water(alone.evidence).found("law") == pytest.approx(alone.found("law"))
+
+
+def test_one_record_speaks_against_water_near_the_model_only_as_far_as_such_a_record_is_rare(case: AxisFit) -> None:
+    plain = budget_of(case, (LAW,))
+    votes = [replace(plain, evidence=array([near, 0.0, 0.0, 1.0])).vote for near in (-1e3, 1.0, 8.0)]
+    against, silent, for_it = (float(one[0] - one[-1]) for one in votes)
+    assert against == pytest.approx(math.log(ODD_RECORD))
+    assert silent == pytest.approx(0.0)
+    assert for_it == pytest.approx(7.0, abs=0.03)
+    assert 2.0 * against + for_it + NEAR_ODDS < 0.0, "two that do have no cause of their own"
 
 
 def test_a_record_that_shows_an_influence_shows_that_the_water_is_usual(case: AxisFit) -> None:

@@ -18,6 +18,7 @@ from hindrax_analysis.coefficients_file import (
     conditions_of,
     read_coefficients,
 )
+from hindrax_analysis.correction import what_was_corrected
 from hindrax_analysis.identification.verdict import REJECTED, marked, show_verdicts
 from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.records.own_bag import (
@@ -187,6 +188,8 @@ def show(
         for one in rejected if reasoned else []:
             print_fitted(f"{REJECTED} {one.motion}: not identifiable: {'; '.join(one.reasons)}")
         show_verdicts(motions, identified.predicted, dense=line < 2)
+        if known and (corrected := what_was_corrected(identified.results)):
+            print_fitted(corrected)
         ending()
 
     said = not reported

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from hindrax_analysis.coefficients_file import MOCK_WORLD, TABULATED, ResultConditions, SavedCoefficients
+from hindrax_analysis.correction import what_was_corrected
 from hindrax_analysis.next_step import UNKNOWN, lacking, quoted_share, shares_of_step
 from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.report.chart import figure
@@ -147,6 +148,8 @@ def _how_to_read(report: RunReport) -> str:
         "is corrected by the probable size of each influence of the uncertainty budget; \u00b1 is half of its 68 % "
         "interval, to quote for the vehicle. Below it is the result of the record alone, with its noise.</p>"
     )
+    if corrected := what_was_corrected(report.results):
+        words += f"<p>{prose(corrected)}.</p>"
     assumed = [one for one in report.conditions.assumptions if not one.startswith(MOCK_WORLD)]
     if assumed:
         words += f"<p>Assumptions:</p>{bullets(assumed)}"

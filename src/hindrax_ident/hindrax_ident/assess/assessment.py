@@ -185,11 +185,11 @@ def assess(
             budgets[axis] = budget_of(_axis_fit(vehicle, one, tuning))
         except ValueError as error:
             failed[axis] = error
-    water = array(sum(one.evidence for one in budgets.values()))
+    votes = array(sum(one.vote for one in budgets.values()))
     found: dict[int, Assessment] = {}
     for axis, budget in budgets.items():
         try:
-            found[axis] = _assess(drafts[axis], budget.in_water(water))
+            found[axis] = _assess(drafts[axis], budget.in_water(array(votes - budget.vote + budget.evidence)))
         except ValueError as error:
             failed[axis] = error
     return found, failed

@@ -740,5 +740,5 @@ INFLUENCES: tuple[Influence, ...] = (
 
 def acting(case: AxisFit, rows: Sequence[Influence] = INFLUENCES) -> list[tuple[Influence, float]]:
     """Rows that can act on a case, with their prior standard deviations in their units."""
-    known = [(row, row.sigma(case)) for row in rows]
+    known = [(row, row.sigma(case)) for row in rows if case.vehicle.losses or not row.loss]
     return [(row, sigma) for row, sigma in known if sigma > 0.0 and math.isfinite(sigma)]

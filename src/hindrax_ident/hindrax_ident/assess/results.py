@@ -140,6 +140,13 @@ class DragBand:
             return one.value, one.std
         return float(self.force[index]), float(self.std_calibrated[index])
 
+    @property
+    def correction(self) -> float:
+        """Change of the force at the highest speed by what is probable of each influence, as a share of it [-]."""
+        fitted = float(self.force[-1])
+        share = self.quoted(-1)[0] / fitted - 1.0 if fitted else 0.0
+        return share if math.isfinite(share) else 0.0
+
     def to_json(self) -> dict[str, object]:
         """Plain lists."""
         out: dict[str, object] = {

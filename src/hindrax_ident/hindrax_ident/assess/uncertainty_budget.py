@@ -65,6 +65,8 @@ over ten rows (ADR 31)."""
 NEAR_ODDS = math.log(0.014)
 """Logarithm of the odds of water near the model, or near it but for one cause, against that of a usual pool. Assumed, 1
 to 70 (ADR 31): a pool is the rule, and the evidence of all records of a run decides."""
+ODD_RECORD = 0.02
+"""Probability that a record contradicts the model by a cause of its own, which is not the water's (ADR 31)."""
 LOSS_MEAN = 0.75**0.5
 """Mean over root mean square of what is anywhere between nothing and its greatest."""
 ROUNDS = 20
@@ -106,9 +108,21 @@ class Budget:
         known = _posterior(self.likelihood, water)
         return replace(self, mean=known.mean, covariance=known.covariance, explanations=known.explanations)
 
+    @property
+    def vote(self) -> Array:
+        """What this record tells the other motions about the water: log evidence for each nearness, (k,).
+
+        Only this record may contradict the model, by a cause that is not of the water, such as a curve that is wrong
+        where this motion works. Tails of a pool explain whatever does, so against water near the model one record
+        alone says no more than how rare such a record is.
+        """
+        own = self.evidence[-1] + math.log(ODD_RECORD)
+        return array(np.logaddexp(self.evidence + math.log1p(-ODD_RECORD), own))
+
     def draws(self, noise: Array) -> Draws:
         """Draws of the posterior of the influences, and of the noise of the parameters, of this covariance (p, p)."""
-        return drawn(self.explanations, noise, 0.0 if self.case.vehicle.thrusters else LOSSLESS)
+        vehicle = self.case.vehicle
+        return drawn(self.explanations, noise, LOSSLESS if vehicle.losses and not vehicle.thrusters else 0.0)
 
     def prior(self, name: str) -> float:
         """Prior standard deviation of an influence in its unit; 0 where it cannot act."""
