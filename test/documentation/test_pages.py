@@ -57,7 +57,7 @@ def test_the_file_of_ardusubs_simulator_has_its_thrust() -> None:
     assert vehicle.net_buoyancy_N == pytest.approx(10.5 / 16.755, rel=1e-3)
     for name_of, gain in (("horizontal", 2.0**0.5), ("vertical", 1.0)):
         curve = running(vehicle.curves[name_of])
-        for pulse_us in (1100.0, 1474.0, 1490.0, 1526.0, 1541.0, 1900.0):
+        for pulse_us in (1100.0, 1474.0, 1475.0, 1490.0, 1525.0, 1526.0, 1541.0, 1900.0):
             share = (pulse_us - 1500.0) / 400.0 * (abs(pulse_us - 1500.0) > 25.0)
             assert curve.force_N(pulse_us) == pytest.approx(gain * 51.48 * share * abs(share), abs=1e-4)
 

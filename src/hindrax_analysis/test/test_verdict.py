@@ -66,7 +66,8 @@ def test_each_motion_has_a_line_with_the_interval_and_the_held_out_error(capsys:
 
 def test_what_was_corrected_and_how_to_say_that_nothing_is(vehicle: Vehicle) -> None:
     center = array([0.9, 16.4])
-    drag = replace(SURGE.drag, corrected=Interval(center, *(array(x * center) for x in (0.9, 1.1, 0.8, 1.2))))
+    ends = (array(x * center) for x in (0.9, 1.1, 0.8, 1.2))
+    drag = DragBand(SPEED, FORCE, 0.1 * STD, STD, Interval(center, *ends))
     motions = {"surge": replace(SURGE, drag=drag), "sway": SWAY, "yaw": replace(SURGE, drag=None)}
     said = what_was_corrected(Results(motions, vehicle))
     assert "surge -18%" in said
