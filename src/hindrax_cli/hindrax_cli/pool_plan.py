@@ -82,7 +82,7 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
 
 
 def show(found: Rehearsal) -> None:
-    """Print plan, timetable, bands and why it ended; on a screen that is too short neither legs nor reasons."""
+    """Print plan, timetable, intervals and why it ended; on a screen that is too short neither legs nor reasons."""
     rejected = {motion: band.reasons for motion, band in found.bands.items() if band.reasons}
 
     def way(*, legs: bool, reasons: bool) -> None:

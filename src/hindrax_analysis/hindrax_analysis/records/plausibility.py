@@ -1,4 +1,4 @@
-"""Implausible results: wrong units and axes give numbers too, often with narrow bands."""
+"""Implausible results: wrong units and axes give numbers too, often with narrow intervals."""
 
 import math
 from collections.abc import Sequence

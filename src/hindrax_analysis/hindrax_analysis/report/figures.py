@@ -128,7 +128,7 @@ def _steady(numbers: Mapping[str, Number], v: Array) -> Array:
 
 
 def _bands(figures: MotionFigures, v: Array) -> list[Band]:
-    """Outer band with the calibration, inner band of the noise."""
+    """Outer interval with the calibration, inner one of the noise."""
     result, assessment = figures.result, figures.assessment
     square = reported_parameters(assessment.fit.model, figures.motion).square
     rows = [result.names.index(name) for name in ("k_q", "k_l", "b")]

@@ -1,4 +1,4 @@
-"""Forest plot: one coefficient, one row per source, a dot with its 95 % band each."""
+"""Forest plot: one coefficient, one row per source, a dot with its 95 % interval each."""
 
 import math
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ def forest(title: str, unit: str, entries: Sequence[Entry], caption: str, refere
 
 
 def _scale(entries: Sequence[Entry], reference: float | None) -> Scale:
-    """Scale that includes every identifiable value; much wider bands are clipped at the frame."""
+    """Scale that includes every identifiable value; much wider intervals are clipped at the frame."""
     longest = max((len(entry.label) for entry in entries), default=0)
     entries = [entry for entry in entries if not entry.excluded] or entries
     values = np.array([entry.number.quoted[0] for entry in entries] + ([reference] if reference is not None else []))

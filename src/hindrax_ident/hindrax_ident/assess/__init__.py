@@ -1,1 +1,1 @@
-"""Assessment of a fit: uncertainty bands, misfit, verdict, results."""
+"""Assessment of a fit: intervals, misfit, verdict, results."""

@@ -1,4 +1,4 @@
-"""Record of one axis to results of its motions: refinement, plateau fit, uncertainty bands, verdict."""
+"""Record of one axis to results of its motions: refinement, plateau fit, intervals, verdict."""
 
 from __future__ import annotations
 
@@ -349,7 +349,7 @@ def _other_mass(
 
 
 def _unseen(assessment: Assessment, reported: ReportedParameters, drag: _Drag) -> tuple[Objection, ...]:
-    """Influences that no record shows and that make most of the band of drag (highest speed) or added mass."""
+    """Influences that no record shows and that make most of the interval of drag (highest speed) or added mass."""
     mass = int(reported.rows[reported.mass])
     of_mass = assessment.budget.shifts[mass], float(assessment.noise[mass, mass])
     return assessment.budget.unseen({"the drag": drag.top, "the added mass": of_mass})
@@ -434,7 +434,7 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     """Drag D = k_q v^2 + k_l v at speeds (n,) between the lowest and the highest that were flown, and what it is worth.
 
     Its error is a linear function of those of the parameters, gradient (n, p), and of the influences, sensitivity
-    (n, m): so bands are variances of both, and the posterior of D is D of the fit less these errors, draw by draw.
+    (n, m): so intervals are variances of both, and the posterior of D is D of the fit less these errors, draw by draw.
     """
     fit, budget, draws = assessment.fit, assessment.budget, assessment.draws
     k_q, k_l, *_ = reported_parameters(fit.model, motion).rows

@@ -126,7 +126,7 @@ def _deviations(covariance: Array) -> list[float]:
 
 
 def _motion(fit: JointFit, motion: Motion, vehicle: Vehicle, numbers: Mapping[str, Number]) -> JointMotion:
-    """One motion of the joint fit: numbers, band of its drag, budget at the highest speed, and objections.
+    """One motion of the joint fit: numbers, interval of its drag, budget at the highest speed, and objections.
 
     The drag is linear in the parameters, so its variance by noise is g' C g with g = (v^2, v) at their places; a doubt
     shifts it by its effect on the parameters, and where it is one about the law itself by that as well.

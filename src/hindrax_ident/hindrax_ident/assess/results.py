@@ -112,7 +112,7 @@ class Contribution:
 
 @dataclass(frozen=True, slots=True)
 class NextStep:
-    """Next experiment: the remedy that would shrink the band of a quantity most, and to what."""
+    """Next experiment: the remedy that narrows the interval of a quantity most, and its deviation then."""
 
     remedy: Remedy
     std: float

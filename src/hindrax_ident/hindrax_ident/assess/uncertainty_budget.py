@@ -1,4 +1,4 @@
-"""Uncertainty budget of one axis: bands, warnings and remedies from one table of influence quantities.
+"""Uncertainty budget of one axis: intervals, warnings and remedies from one table of influence quantities.
 
 GUM (JCGM 100) clause 5.2 for correlated quantities. What a record shows of an influence is estimated from the
 residuals with its prior; what they cannot show keeps its prior and is considered (Schmidt 1966). The parameters stay
@@ -17,8 +17,8 @@ so with a normal prior the posterior is C = (H + 1)^-1 and mean C g. Two things 
   unknown. The variances that make the evidence largest are found by iteration, from several starts, since a record
   often has several explanations; all of them count, by their evidence.
 
-So the posterior is a mixture over waters and explanations. Its mean and covariance make the bands; the mixture itself,
-`explanations`, is what `posterior` draws from. Two numbers come of it. The band of a fitted parameter is the second
+So the posterior is a mixture over waters and explanations. Its mean and covariance make the intervals; `posterior`
+draws from the mixture itself, `explanations`. Two numbers come of it. The variance of a fitted parameter is the second
 moment S (C + mean mean') S': a mean of u that is not zero is an error of that number. The corrected number has the mean
 taken off, so its variance is S C S' alone.
 """
@@ -135,7 +135,7 @@ class Budget:
     def band_of_run(self) -> Array:
         """Covariance of the parameters due to what differs in each run, and to what is seen beyond chance.
 
-        What is seen counts from SURPRISE_SIGMAS deviations, and gradually, so that a band does not jump at the limit.
+        What is seen counts from SURPRISE_SIGMAS deviations, and gradually, so that no interval jumps at the limit.
 
         Returns
         -------

@@ -102,7 +102,9 @@ class _Table:
     def __call__(self, ratio: float) -> float:
         held = min(max(ratio, self._low), self._high)
         if not math.isclose(held, ratio, rel_tol=1e-9):
-            self._notes.append(f"{self._name} at {ratio:.3g}, table {self._low:g} to {self._high:g}")
+            self._notes.append(
+                f"{self._name}: found a ratio of {ratio:.3g}, taken as {held:g}; its table has {self._low:g} to {self._high:g}"
+            )
         return float(self._spline(held))
 
 

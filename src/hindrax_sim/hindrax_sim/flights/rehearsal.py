@@ -1,4 +1,4 @@
-"""A dress rehearsal: a pool test flown in lock-step, reported as a timetable with clearances, charge and bands."""
+"""A dress rehearsal: a pool test flown in lock-step, reported as a timetable with clearances, charge and intervals."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -112,7 +112,7 @@ def rehearse(
     Returns
     -------
     Rehearsal
-        For each motion its time, the nearest wall and floor and the charge; and what would be learned.
+        For each motion its time, the nearest wall and floor and the charge; and the expected uncertainty.
     """
     if vehicle.hydrodynamics is None:
         vehicle = replace(vehicle, hydrodynamics=guessed(vehicle))
