@@ -103,7 +103,7 @@ class _Table:
         held = min(max(ratio, self._low), self._high)
         if not math.isclose(held, ratio, rel_tol=1e-9):
             self._notes.append(
-                f"{self._name}: found a ratio of {ratio:.3g}, taken as {held:g}; its table has {self._low:g} to {self._high:g}"
+                f"{self._name}: ratio {ratio:.3g} taken as {held:g}, the end of its table"
             )
         return float(self._spline(held))
 
