@@ -748,6 +748,7 @@ def test_a_log_of_px4_is_identified_at_the_logged_voltage(desk: Desk) -> None:
     file.write_bytes(b"".join(ulog(px4_log(vehicle, water.surge, vehicle.mass_kg + water.added_mass[0]))))
     document = desk.identified(file, "--vehicle", ardusub.HEAVY)
     assert list(document["motions"]) == ["surge"], "rounding in sway was taken for motion"
+    assert "joint" not in document, "pitch by the thrusters below the center was counted, in a log without rates"
     surge = document["motions"]["surge"]
     assert surge["identifiable"]
     true = {"k_q": {"value": water.surge.k_q}, "k_l": {"value": water.surge.k_l}}

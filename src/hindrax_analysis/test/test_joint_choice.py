@@ -1,5 +1,6 @@
 """When all axes are fitted together: by the number of axes that a record pushes on at once."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,8 @@ EMPTY_ANGLES = array(np.zeros((0, 3)))
 
 
 def pushed(wrench: Array) -> Recording:
-    still = array(np.zeros_like(wrench))
-    return Recording("record", T, still, T, wrench, array(np.zeros(0)), EMPTY_ANGLES)
+    moved = array(np.nan_to_num(wrench))
+    return Recording("record", T, moved, T, wrench, array(np.zeros(0)), EMPTY_ANGLES)
 
 
 def sines(count: int) -> Array:
@@ -29,6 +30,14 @@ def sines(count: int) -> Array:
 @pytest.mark.parametrize("count", [1, 2, 3, 6])
 def test_axes_that_are_pushed_alike_at_the_same_time_are_counted(count: int) -> None:
     assert axes_at_once([pushed(sines(count))]) == pytest.approx(count, rel=0.02)
+
+
+def test_axes_whose_motion_was_not_measured_are_not_counted() -> None:
+    """Surge of thrusters below the center pitches, in a log without rates."""
+    record = pushed(sines(6))
+    velocity = record.velocity.copy()
+    velocity[:, 1:] = np.nan
+    assert axes_at_once([replace(record, velocity=array(velocity))]) == pytest.approx(1.0, rel=0.02)
 
 
 def legs() -> Array:

@@ -147,6 +147,11 @@ def test_an_axis_that_was_not_measured_is_left_out(record: SixAxisRecord) -> Non
         fit_jointly(dataclasses.replace(record, velocities=alone), VEHICLE, DELAYS, gain_sigma=0.02)
 
 
+def test_an_axis_on_which_thrusters_cancel_is_left_out(record: SixAxisRecord) -> None:
+    wrench = record.wrench * np.array([1.0, 1e-15, 1.0, 1.0, 1.0, 1e-15])
+    assert dataclasses.replace(record, wrench=array(wrench)).axes == (0, 2, 3, 4)
+
+
 def test_energy_is_kept_by_inertial_forces() -> None:
     """C(M) does no work: v' C(M) v = 0, for any symmetric M."""
     rng = np.random.default_rng(3)

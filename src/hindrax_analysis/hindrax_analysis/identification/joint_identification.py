@@ -8,7 +8,7 @@ import numpy as np
 from hindrax_analysis.identification.record_identification import APART_S, IdentificationTask, RecordSource
 from hindrax_analysis.identification.verdict import REJECTED
 from hindrax_analysis.records.own_bag import bag_events
-from hindrax_analysis.records.recording import Recording, tuned
+from hindrax_analysis.records.recording import Recording, has_signal, tuned
 from hindrax_analysis.terminal import print_table, print_what_fits
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped, seconds_between
@@ -33,8 +33,9 @@ def axes_at_once(recordings: Sequence[Recording]) -> float:
     """On how many axes a record pushes at once: 1 for one axis after the other, 6 for all of them all the time.
 
     Each thrust counts as a share of the largest force, or moment, of the record, less its own median: what is held,
-    such as a net buoyancy, excites nothing. With p the squares of these shares at a time, one number for all axes that
-    share it alike is (sum p)^2 / sum p^2, and the mean over time is weighted by the power: rest does not count.
+    such as a net buoyancy, excites nothing, and an axis whose motion was not measured has nothing to fit. With p the
+    squares of these shares at a time, one number for all axes that share it alike is (sum p)^2 / sum p^2, and the mean
+    over time is weighted by the power: rest does not count.
 
     Parameters
     ----------
@@ -53,7 +54,8 @@ def axes_at_once(recordings: Sequence[Recording]) -> float:
             continue
         times = np.arange(max(float(t[0]), one.begin_s), min(float(t[-1]), one.end_s), STEP_S)
         index = np.searchsorted(t, times, side="right") - 1
-        force = np.where(known, one.wrench, 0.0)[index]
+        seen = [has_signal(one, axis) or (axis == 2 and len(one.attitude_t) > 0) for axis in range(6)]
+        force = np.where(known & seen, one.wrench, 0.0)[index]
         shares.append(force - np.median(force, axis=0) if len(times) else force)
     joined = np.abs(np.concatenate(shares)) if shares else np.zeros((0, 6))
     if not len(joined):

@@ -102,9 +102,7 @@ class _Table:
     def __call__(self, ratio: float) -> float:
         held = min(max(ratio, self._low), self._high)
         if not math.isclose(held, ratio, rel_tol=1e-9):
-            self._notes.append(
-                f"{self._name}: ratio {ratio:.3g} taken as {held:g}, the end of its table"
-            )
+            self._notes.append(f"{self._name}: ratio {ratio:.3g} taken as {held:g}, the end of its table")
         return float(self._spline(held))
 
 
