@@ -1,6 +1,7 @@
 """The output of forces without ROS: what it sends, what it refuses; and the process that stands by to send zeros."""
 
 import io
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
@@ -139,3 +140,20 @@ def test_the_dead_man_has_zeros_sent_and_says_when_nobody_heard_them(
     assert writer.trouble == "nobody listens to the forces"
     assert write_neutral(settings) == 1
     assert not capfd.readouterr().out
+
+
+def test_what_stands_by_begins_anew_after_a_standstill_and_loses_no_zeros() -> None:
+    """The middleware may have lost who listens; the pipe has what came meanwhile."""
+    source, sink = os.pipe()
+    sent: list[bool] = []
+    standstills = iter([0.0, 8.0])
+    try:
+        os.write(sink, b"0")
+        assert zero_forces.stands_by(source, lambda: next(standstills), lambda: sent.append(True)), "begin anew"
+        assert len(sent) == 1
+        os.write(sink, b"0")
+        os.close(sink)
+        assert not zero_forces.stands_by(source, lambda: 0.0, lambda: sent.append(True)), "the input has ended"
+        assert len(sent) == 2
+    finally:
+        os.close(source)

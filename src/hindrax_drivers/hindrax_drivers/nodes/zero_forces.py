@@ -2,17 +2,21 @@
 
 The dead man has no ROS and must not wait for it, so this process stands by, connected: each byte on its standard
 input is one message of zeros. When the input ends, because the dead man ends or has died, it sends them once more,
-as soon as somebody listens, and ends: 0 when somebody did.
+as soon as somebody listens, and ends: 0 when somebody did. After a standstill it begins anew in the same process: the
+middleware may have lost who listens, and would say that somebody does (ADR 13).
 """
 
 import contextlib
 import os
+import select
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from hindrax_drivers.nodes.thruster_settings import Settings
+from hindrax_ros.standstill import LOOK_S as NOTICED_S
+from hindrax_ros.standstill import StandstillWatch
 
 LISTENER_S = 3.0
 """Time for the discovery of whoever listens."""
@@ -21,6 +25,10 @@ SPREAD_S = 0.2
 LOOK_S = 0.02
 ENDED_S = LISTENER_S + SPREAD_S + 3.0
 """With the start of ROS, which may have just begun."""
+
+
+def _words(arguments: Sequence[str]) -> list[str]:
+    return [sys.executable, "-m", "hindrax_drivers.nodes.zero_forces", *arguments]
 
 
 class ZeroForces:
@@ -33,9 +41,8 @@ class ZeroForces:
     def send(self) -> None:
         """Have zeros sent, without waiting for it."""
         if self._process is None or self._process.poll() is not None:
-            words = [sys.executable, "-m", "hindrax_drivers.nodes.zero_forces", *self._arguments]
             # A session of its own: no signal to the group of the dead man reaches it.
-            self._process = subprocess.Popen(words, stdin=subprocess.PIPE, start_new_session=True)  # noqa: S603  # ours
+            self._process = subprocess.Popen(_words(self._arguments), stdin=subprocess.PIPE, start_new_session=True)  # noqa: S603  # ours
             assert self._process.stdin is not None
             os.set_blocking(self._process.stdin.fileno(), False)
         assert self._process.stdin is not None
@@ -55,6 +62,32 @@ class ZeroForces:
         return "" if code == 0 else "nobody listens to the forces"
 
 
+def stands_by(source: int, stood_still_s: Callable[[], float], send: Callable[[], None]) -> bool:
+    """Send once for whatever comes in, until the input ends or this process has stood still.
+
+    Parameters
+    ----------
+    source
+        Descriptor of the input.
+    stood_still_s
+        As of `StandstillWatch`.
+    send
+        Sends the zeros.
+
+    Returns
+    -------
+    bool
+        Whether the input goes on: what has come meanwhile is still in it.
+    """
+    while not stood_still_s():
+        # Who has just continued reads no faster than the watch looks.
+        if select.select([source], [], [], NOTICED_S)[0]:
+            if not os.read(source, 4096):
+                return False
+            send()
+    return True
+
+
 def main(arguments: Sequence[str], settings: Settings) -> int:
     """Stand by until the input ends."""
     import rclpy  # noqa: PLC0415  # the dead man, which has the class above, does without
@@ -67,8 +100,9 @@ def main(arguments: Sequence[str], settings: Settings) -> int:
     rclpy.init(args=scoped(["thrusters", *arguments], "thrusters"), signal_handler_options=SignalHandlerOptions.NO)
     node = Node("thrusters_dead_man", enable_rosout=False, start_parameter_services=False)
     topics, zeros = ForcePublishers(node, settings.vehicle, settings.port), [0.0] * len(settings.vehicle.thrusters)
-    while os.read(sys.stdin.fileno(), 4096):
-        topics.send(zeros)
+    watch = StandstillWatch()
+    if stands_by(sys.stdin.fileno(), watch.stood_still_s, lambda: topics.send(zeros)):
+        os.execv(sys.executable, _words(arguments))  # noqa: S606  # ours: another participant, the same pipe
     end_s = time.monotonic() + LISTENER_S
     while topics.unheard() and time.monotonic() < end_s:
         time.sleep(LOOK_S)
