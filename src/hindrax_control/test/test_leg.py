@@ -265,6 +265,21 @@ def test_what_does_not_right_itself_as_assumed_is_braked_beyond_its_end(sign: fl
     assert reported == [first.phase, "transit"]
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("at", "braked"), [(1.0, False), (2.8, True)])
+def test_what_would_swing_on_beyond_its_end_is_braked_before_the_next_leg(
+    sign: float, at: float, *, braked: bool
+) -> None:
+    """A slow leg that followed a fast swing at once let a heavy BlueROV2 roll on to 39 degrees, and was disarmed."""
+    one = replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=0.2)
+    slow_mps = sign * 0.95 * 2.1 * LAG_S
+    driver = at_speed(one)
+    assert driver.step(sign * 2.9, one.rate, BEGIN_S + 1.0).phase == "coast"
+    ends = [driver.step(sign * at, slow_mps, BEGIN_S + 3.0 + after_s) for after_s in (0.01, 0.02, 0.02 + LAG_S)]
+    assert {(end.phase, end.force * sign < 0.0) for end in ends[1:]} == {("transit", True)}
+    assert [end.finished for end in ends[1:]] == [not braked, True]
+
+
 def swinging(sign: float, natural_radps: float = 0.2) -> Leg:
     """Leg that ends in a swing of two seconds, fifteen seconds of plateau before it."""
     return replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=natural_radps, seconds=17.0)

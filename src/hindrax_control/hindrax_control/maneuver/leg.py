@@ -81,7 +81,7 @@ class LegController:
         if self._stretch == "hold":
             self._lose_patience(coordinate, time_s)
             return self._hold(rate, time_s, trusted=trusted)
-        return self._pass(forward, time_s)
+        return self._pass(coordinate, forward, time_s)
 
     def _change(self, coordinate: float, forward: float, time_s: float) -> None:
         """Enter the stretch for which it is time: too fast, near enough to coast, or to brake."""
@@ -98,7 +98,7 @@ class LegController:
             self._enter("brake", time_s)
             self._way = math.copysign(1.0, forward)
 
-    def _pass(self, forward: float, time_s: float) -> LegOutput:
+    def _pass(self, coordinate: float, forward: float, time_s: float) -> LegOutput:
         """Fly a stretch that is no plateau."""
         if self._stretch == "boost":
             return self._boost(forward, time_s)
@@ -110,7 +110,7 @@ class LegController:
             return self._push(time_s)
         if self._stretch == "coast":
             return self._coast(time_s)
-        return self._brake(forward, time_s)
+        return self._brake(coordinate, forward, time_s)
 
     def _at_an_end(self, coordinate: float, forward: float) -> bool:
         """Whether it is time to brake: before the leg's end, or before the room's end when it is carried backward."""
@@ -194,11 +194,13 @@ class LegController:
             self._enter("brake", time_s)
         return LegOutput(0.0, "coast")
 
-    def _brake(self, forward: float, time_s: float) -> LegOutput:
+    def _brake(self, coordinate: float, forward: float, time_s: float) -> LegOutput:
         leg = self.leg
         # Thrust asked for in the last lag still comes: what it takes off the speed is as good as gone, and no more.
         # An angle has no wall, and the next leg's boost turns it back: waiting would cost it room for its plateau.
-        coming_s = LAG_S if leg.axis in TURNING else min(self._elapsed_s(time_s), LAG_S)
+        # But what would swing on beyond its end has no room left, and the boost of a slow leg turns little back.
+        swings_on = bool(leg.natural_radps) and self._amplitude(coordinate, forward) > abs(leg.end)
+        coming_s = LAG_S if leg.axis in TURNING and not swings_on else min(self._elapsed_s(time_s), LAG_S)
         stopped = forward * self._way <= self._braking * coming_s
         given_up = self._elapsed_s(time_s) > 5.0 * abs(leg.rate) / leg.pace + 2.0
         return LegOutput(-leg.sign * self._way * leg.boost, "transit", finished=stopped or given_up)
