@@ -16,6 +16,7 @@ from pathlib import Path
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ident.online.session import Session
 from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep
@@ -88,7 +89,9 @@ def ending(seed: int, files: Sequence[Path]) -> Ending:
     fault = drawn(seed, vehicle)
     pilot = GoalPilot(vehicle, Goal(chosen, PLATEAUS, seed))
     sizes = sizes_of(POOL, seed) | dict(fault.sizes)
-    flight = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes), faults=fault.faults)
+    conditions = Conditions(sizes=sizes)
+    # Identified too: an exception there would end a flight as well.
+    flight = Lockstep(vehicle, pilot, seed, conditions=conditions, faults=fault.faults, session=Session(vehicle))
     fault.begin(flight.world)
     for _ in flight.run(LONGEST_S):
         pass

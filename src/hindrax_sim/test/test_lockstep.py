@@ -18,6 +18,7 @@ from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase
 from hindrax_core.vehicle import AXES, Mount, Vehicle, load_vehicle
 from hindrax_ident.assess.results import MotionResult as Result
+from hindrax_ident.online.session import Session
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig, ReadingsRig
@@ -121,13 +122,14 @@ def test_both_rigs_say_the_same_kinds_of_things() -> None:
 
 def test_a_surge_run_finds_the_drag_and_never_touches_a_wall() -> None:
     few_levels = PilotKnobs(plan=PlanKnobs(levels=3, surge_mps=(0.2, 0.4), plateau_s=10.0))
-    step = Lockstep(VEHICLE, GoalPilot(VEHICLE, Goal(("surge",)), few_levels), 1)
+    session = Session(VEHICLE)
+    step = Lockstep(VEHICLE, GoalPilot(VEHICLE, Goal(("surge",)), few_levels), 1, session=session)
     estimates, errors = 0, []
     for one in step.run(400.0):
         estimates += isinstance(one.reading, Estimate)
         if isinstance(one.reading, Navigation):
             errors.append(abs(one.reading.depth_m - step.world.depth_m))
-    surge = step.session.finalize().results.motions["surge"]
+    surge = session.finalize().results.motions["surge"]
     hydro = VEHICLE.hydrodynamics
     assert hydro is not None
     drag = hydro.surge
@@ -147,10 +149,10 @@ def test_a_measured_battery_takes_its_sag_out_of_the_drag_and_out_of_the_budget(
     def surge(vehicle: Vehicle) -> Result:
         few_levels = PilotKnobs(plan=PlanKnobs(levels=2, surge_mps=(0.3, 0.4), plateau_s=8.0))
         sagging = Conditions(sizes={"battery_sag": 0.5})
-        step = Lockstep(vehicle, GoalPilot(vehicle, Goal(("surge",)), few_levels), 1, conditions=sagging)
-        for _ in step.run(400.0):
+        pilot, session = GoalPilot(vehicle, Goal(("surge",)), few_levels), Session(vehicle, every_s=math.inf)
+        for _ in Lockstep(vehicle, pilot, 1, conditions=sagging, session=session).run(400.0):
             pass
-        return step.session.finalize().results.motions["surge"]
+        return session.finalize().results.motions["surge"]
 
     def sag(result: Result) -> float:
         return sum(one.std for one in result.budget["drag"] if one.influence.startswith("sag "))

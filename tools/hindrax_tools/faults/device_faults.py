@@ -19,6 +19,7 @@ from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.text.refusals import Reason
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
+from hindrax_ident.online.session import Session
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig
@@ -237,7 +238,7 @@ class Watched:
 
 def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: float) -> Watched:
     """Fly in lock-step, by bytes, and judge every step of the hardware from the first fault on."""
-    step = Lockstep(pilot.vehicle, pilot, seed, by_bytes=True, faults=faults)
+    step = Lockstep(pilot.vehicle, pilot, seed, by_bytes=True, faults=faults, session=Session(pilot.vehicle))
     assert isinstance(step.rig, BytesRig)
     hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
     pilot.supply = onboard.cycle.supply
