@@ -188,13 +188,15 @@ def _text(file: Path) -> str:
 class IdentificationTask:
     """Options: axes (none: all available), part of each record, and knobs for third-party records.
 
-    Without `mass_known`, the added mass cannot be separated from the total.
+    Without `mass_known`, the added mass cannot be separated from the total. With `traced`, the online estimates of a
+    third-party record are kept for a report: they take a sixth of the time.
     """
 
     axes: tuple[int, ...] = ()
     span: Span = Span()
     mass_known: bool = True
     tuning: Tuning = field(default_factory=Tuning)
+    traced: bool = False
 
 
 def identify_sources(
@@ -385,7 +387,8 @@ def _identify_recordings(
     assessments: dict[int, Assessment] = {}
     traces: dict[str, Trace] = {}
     usable_on = {axis: [one for one in recordings if not reason_to_skip(one, axis)] for axis in axes}
-    found = workers.run([partial(_axis, usable, vehicle, axis, tuning) for axis, usable in usable_on.items() if usable])
+    each = partial(_axis, vehicle=vehicle, tuning=tuning, traced=task.traced)
+    found = workers.run([partial(each, usable, axis) for axis, usable in usable_on.items() if usable])
     for axis, usable in usable_on.items():
         if usable:
             progress(f"fit and uncertainty of {AXES[axis]}")
@@ -420,10 +423,10 @@ def _skipped(recording: Recording, axis: int) -> dict[str, MotionResult]:
 
 
 def _axis(
-    recordings: Sequence[Recording], vehicle: Vehicle, axis: int, tuning: Tuning
+    recordings: Sequence[Recording], axis: int, vehicle: Vehicle, tuning: Tuning, *, traced: bool
 ) -> tuple[Outcome, dict[str, Trace]]:
-    lasts_s = sum(one.duration_s for one in recordings)
-    feed, session = Feed(vehicle, tuning), Session(vehicle, tuning, every_s=min(TRACE_S, lasts_s / TRACE_POINTS))
+    every_s = min(TRACE_S, sum(one.duration_s for one in recordings) / TRACE_POINTS) if traced else math.inf
+    feed, session = Feed(vehicle, tuning), Session(vehicle, tuning, every_s=every_s)
     seen: dict[str, list[tuple[float, tuple[float, ...], tuple[float, ...]]]] = {}
     names: dict[str, tuple[str, ...]] = {}
     first = Stamp(0)

@@ -172,7 +172,12 @@ def identify(arguments: argparse.Namespace) -> int:
     vehicle, notes = _vehicle(named, sources[0])
     began = time.monotonic()
     gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], notes)
-    task = replace(task, mass_known=NO_VEHICLE not in notes, tuning=Tuning(wrench_gain_sigma=gain_sigma))
+    task = replace(
+        task,
+        mass_known=NO_VEHICLE not in notes,
+        tuning=Tuning(wrench_gain_sigma=gain_sigma),
+        traced=arguments.report is not None,
+    )
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}") as reached:
         workers = worthwhile(workers_of(arguments), sources)
         found = identify_sources(sources, vehicle, task, print_stderr, reached, workers=workers)
