@@ -268,10 +268,11 @@ def with_bus_faults(
     Returns
     -------
     Callable[[RegisterEmulator], RegisterEmulator]
-        From the emulator of one address to that with faults; all addresses share their schedule.
+        From the emulator of one address to that with faults, or to itself where none applies; all addresses share
+        their schedule.
     """
     schedule = _schedule(name, specs, start_s, lambda kind, at: kind.on_bus and kind.on_bus(seed * 1009 + at))
-    return partial(bus.FaultyPort, device, FaultSchedule(schedule))
+    return partial(bus.FaultyPort, device, FaultSchedule(schedule)) if schedule else lambda port: port
 
 
 def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[float], None]:
@@ -325,7 +326,10 @@ def altered_truth(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -
     Callable[[object, float], object]
         From truth and time of the world [s] to the truth of the same kind with the faults of that time.
     """
-    schedule = FaultSchedule(_schedule(name, specs, start_s, lambda kind, _at: kind.on_truth))
+    falling = _schedule(name, specs, start_s, lambda kind, _at: kind.on_truth)
+    if not falling:
+        return lambda true, _now_s: true
+    schedule = FaultSchedule(falling)
     before: dict[truth.SensorFault, tuple[object, float]] = {}
 
     def observed(true: object, now_s: float) -> object:
