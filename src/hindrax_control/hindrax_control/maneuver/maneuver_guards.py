@@ -92,11 +92,12 @@ class ManeuverGuards:
 
     def step(self, situation: Situation) -> tuple[Refusal, ...]:
         """Return "guard: what is wrong; what to do" for everything that is wrong now; nothing when all is well."""
-        judged = self._guards(situation)
+        wrong = [(guard, text) for guard, text in self._guards(situation) if text]
+        self._wrong_since_s = {guard: self._wrong_since_s.get(guard, situation.time_s) for guard, _ in wrong}
         return tuple(
             found(guard, text, self._remedies.get(guard, ""))
-            for guard, text in judged
-            if self._lasts(guard, text, situation.time_s)
+            for guard, text in wrong
+            if situation.time_s - self._wrong_since_s[guard] >= self._patience_s.get(guard, 0.0)
         )
 
     def _guards(self, situation: Situation) -> Iterator[tuple[Reason, str]]:
@@ -123,12 +124,6 @@ class ManeuverGuards:
     def is_blocked(self, time_s: float) -> bool:
         """Whether thrust has not moved it for a while, even if not yet long enough for the guard."""
         return time_s - self._wrong_since_s.get(Reason.BLOCKED, time_s) >= BLOCKED_PHASE_S
-
-    def _lasts(self, guard: Reason, text: str, time_s: float) -> bool:
-        if not text:
-            self._wrong_since_s.pop(guard, None)
-            return False
-        return time_s - self._wrong_since_s.setdefault(guard, time_s) >= self._patience_s.get(guard, 0.0)
 
     def _pool_box(self, place: PoolPosition | None, walls_m: Mapping[str, float]) -> str:
         """Walls, with the way that braking takes: a fast vehicle is stopped earlier than a slow one."""

@@ -472,7 +472,8 @@ class OutputGuard:
         if back_s > self.knobs.margin_s:
             return self._rebased(state, back_s, now), now
         now = max(now, state.seen)
-        state = replace(state, seen=now)
+        if now > state.seen:
+            state = replace(state, seen=now)
         if state.phase is ArmingPhase.ARMING and seconds_between(state.since, now) >= self.knobs.arming_s:
             state = self._enter(state, ArmingPhase.ARMED, NO_REASON, now)
         commanded = state.since if state.commanded_at is None else state.commanded_at
@@ -480,7 +481,7 @@ class OutputGuard:
             code = OutputReason.DISOBEYED if state.refusing else OutputReason.SILENCE
             silence = output_reason(code, silent_s=self.knobs.disarm_after_s, refused=state.refused)
             state = self.drop(state, silence, now)
-        if seconds_between(commanded, now) > self.knobs.disarm_after_s:
+        if state.commanded_at is not None and seconds_between(commanded, now) > self.knobs.disarm_after_s:
             state = replace(state, commanded_at=None)
         if state.lit_at is not None and seconds_between(state.lit_at, now) > self.knobs.disarm_after_s:
             state = replace(state, lit_at=None)

@@ -61,8 +61,12 @@ class SensorModel:
 
 def _counted(true: Vec3, bias: Vec3, sigma: float, step: float, draws: NormalDraws) -> Vec3:
     """Truth with bias and noise, in whole steps."""
-    x, y, z = (round((t + b + sigma * draws.normal()) / step) * step for t, b in zip(true, bias, strict=True))
-    return (x, y, z)
+    (x, y, z), (x_bias, y_bias, z_bias), normal = true, bias, draws.normal
+    return (
+        round((x + x_bias + sigma * normal()) / step) * step,
+        round((y + y_bias + sigma * normal()) / step) * step,
+        round((z + z_bias + sigma * normal()) / step) * step,
+    )
 
 
 def _single(world: World, read: Callable[[], Reading | None]) -> Sample:
