@@ -28,8 +28,8 @@ AHEAD = {
 A50 = {"device": "a50", "port": "tcp://192.168.2.95:16171", "position_m": [0.15, 0.0, 0.15]}
 MORE = {"ahead": AHEAD, "bow_dvl": A50, "water": {"device": "tsys01", "port": "/dev/i2c-1"}}
 """A second Ping, an A50 beside the DVL-75, and the sensor of another package, which is found by its entry point."""
-SHORT = ("--set", "pilot.plan.levels:=2", "--set", "pilot.plan.turning_levels:=1")
-"""Fewer speeds identify as well; what is looked at here are the sensors."""
+SHORT = {"levels": 2, "turning_levels": 1, "plateau_s": 6.0}
+"""Fewer and shorter speeds identify as well; what is looked at here are the sensors."""
 SETTLED_NS = 15_000_000_000
 
 
@@ -45,7 +45,7 @@ def flown(folder: Path, sensors: dict[str, Any], motion: str) -> tuple[Path, dic
         motion,
         "--world",
         "ideal",
-        *SHORT,
+        *(word for name, value in SHORT.items() for word in ("--set", f"pilot.plan.{name}:={value}")),
         "--json",
         "--out",
         str(folder / "run"),
