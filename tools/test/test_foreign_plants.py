@@ -1,5 +1,6 @@
 """Bands and causes hold for records of water that is not ours: MuJoCo's, written once by `foreign_verdicts --write`."""
 
+import functools
 import importlib.util
 import math
 from pathlib import Path
@@ -31,6 +32,12 @@ MOST = 2.5
 """Deviations: of 24 records, 95 % are within two, and nothing identified is above three."""
 
 
+@functools.cache
+def scored(name: str, axis: int) -> list[Score]:
+    """Scores of one axis of a record; more than one test looks at some."""
+    return scores(read(RECORDS / f"{name}.npz"), (axis,))
+
+
 def false_causes(warnings: tuple[Objection, ...]) -> list[Objection]:
     evidence = [one for one in warnings if one.code is Code.EVIDENCE]
     return [one for one in evidence if str(one.numbers["influence"]).startswith(FALSE)]
@@ -40,8 +47,7 @@ def false_causes(warnings: tuple[Objection, ...]) -> list[Objection]:
     ("name", "axes"), [("small-steps-1", (0, 5)), ("middle-chirps-1", (1, 3)), ("slender-pilot-1", (0, 2))]
 )
 def test_a_foreign_plant_is_within_the_bands_and_no_false_cause_is_named(name: str, axes: tuple[int, ...]) -> None:
-    record = read(RECORDS / f"{name}.npz")
-    found = [one for axis in axes for one in scores(record, (axis,))]
+    found = [one for axis in axes for one in scored(name, axis)]
     assert {MOTIONS[one.motion].axis for one in found} == set(axes)
     for one in found:
         assert not false_causes(one.warnings), one
@@ -55,8 +61,7 @@ def test_a_foreign_plant_is_within_the_bands_and_no_false_cause_is_named(name: s
 
 def test_of_a_pilots_record_the_drag_along_an_axis_is_not_that_by_the_speed_across() -> None:
     """Surge was up to 2.3 deviations too high, and heave refused, with 44 % of its drag as the deviation."""
-    record = read(RECORDS / "slender-pilot-1.npz")
-    found = {one.motion: one for axis in (0, 2) for one in scores(record, (axis,))}
+    found = {one.motion: one for axis in (0, 2) for one in scored("slender-pilot-1", axis)}
     assert max(max(one.drag) for one in found.values()) < 1.5, found
     for motion in ("heave_down", "heave_up"):
         assert found[motion].identified, found[motion]
