@@ -280,7 +280,7 @@ def print_values(title: str, rows: Sequence[tuple[str, object, str]]) -> None:
     cells = [
         (name, *(cells_of(value) if isinstance(value, Value) else (value, "")), unit) for name, value, unit in rows
     ]
-    print_table(title, ["what"], ["value", "std"], cells, ["unit"])
+    print_table(title, ["quantity"], ["value", "std"], cells, ["unit"])
 
 
 def _text(value: object) -> str:

@@ -116,4 +116,4 @@ def test_a_gain_is_reported_with_its_deviation_and_the_load_with_its_unit(
     weigh.show(Weighing(axis, gain, {"alignment": 0.0006}, 0.0, 0.5), "not saved")
     rows = [[cell.strip() for cell in line.split("\u2502")] for line in capsys.readouterr().out.splitlines()]
     assert ["positive", "0.9217", "0.0061", "-"] in rows
-    assert ["weighed to", "15", "", unit] in rows
+    assert ["weighed up to", "15", "", unit] in rows

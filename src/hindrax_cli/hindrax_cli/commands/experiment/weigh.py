@@ -211,8 +211,8 @@ def show(found: Weighing, kept: str) -> None:
     rows: list[tuple[str, object, str]] = [(way, Value(value, gain.sigma), "-") for way, value in ways if value]
     unit = "Nm" if AXES.index(found.axis) >= 3 else "N"
     rows += [
-        ("half the difference of both ways, +-", f"{gain.sigma_difference:.2g}", "-"),
-        ("weighed to", gain.load, unit),
+        ("std of half the difference of both ways", f"{gain.sigma_difference:.2g}", "-"),
+        ("weighed up to", gain.load, unit),
     ]
     print_values(f"Thrust of {found.axis} relative to its curves, losses included", rows)
     budget = sorted(found.contributions.items(), key=lambda one: -one[1])

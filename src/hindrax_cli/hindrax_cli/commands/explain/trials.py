@@ -313,12 +313,12 @@ def print_bench(rows: list[dict[str, object]]) -> None:
     numbers, title = ("ours [us]", "peer [us]", "ratio"), "Medians; the ratio is peer / ours"
 
     def short(shown: list[tuple[object, ...]]) -> None:
-        print_table(title, ("what",), numbers, [row[:-1] for row in shown], dense=True)
+        print_table(title, ("benchmark",), numbers, [row[:-1] for row in shown], dense=True)
         left = len(cells) - len(shown)
         print_fitted(f"the peers{f', and {left} more rows' if left else ''}: --json")
 
     print_what_fits(
-        partial(print_table, title, ("what",), numbers, cells, ("peer",)),
+        partial(print_table, title, ("benchmark",), numbers, cells, ("peer",)),
         partial(short, cells),
         partial(short, cells[: max(1, screen_rows() - SHORT_LINES)]),
     )

@@ -90,7 +90,7 @@ def _ask(stack: StackLock, made: StackStatus) -> None:
 
 
 def _show(rows: list[StackStatus]) -> None:
-    headings = ["stack", "what", "vehicle", "ROS domain", "thrusters", "age [s]"]
+    headings = ["stack", "command", "vehicle", "ROS domain", "thrusters", "age [s]"]
     ages = ["" if one.age_s is None else f"{one.age_s:.0f}" for one in rows]
     cells = [list((asdict(one) | {"age_s": age}).values()) for one, age in zip(rows, ages, strict=True)]
     print_table("", headings[:3], headings[3:], cells, ["health", "bag"], spare=["age [s]", "bag"])
