@@ -861,6 +861,16 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     vehicle = load_vehicle(made)
     assert vehicle.name == "mine"
     assert [one.name for one in vehicle.thrusters if one.reversed] == ["T4"]
+    assert "simulator" not in told + capsys.readouterr().err + made.read_text()
+    log.write_bytes(dataflash_of_yaw(parameters | {"SIM_BUOYANCY": 1.0}))
+    simulated = tmp_path / "simulated.yaml"
+    assert main(["vehicle", "new", "simulated", "--from", str(log), "--out", str(simulated)]) == 0
+    assert "docs/how-to/ardusub-sitl.yaml" in simulated.read_text()
+    for words in ([], ["--vehicle", "bluerov2-heavy"]):
+        capsys.readouterr()
+        assert main(["identify", str(log), *words]) in (0, 1)
+        told = " ".join(capsys.readouterr().err.split())
+        assert "ArduPilot's simulator, whose thrust, levers and water are not those of bluerov2-heavy" in told
     log.write_bytes(dataflash_of_yaw({"FRAME_CONFIG": 5.0}))
     assert main(["vehicle", "new", "other", "--from", str(log), "--out", str(tmp_path / "o.yaml")]) == 2
     told = " ".join(capsys.readouterr().err.split())

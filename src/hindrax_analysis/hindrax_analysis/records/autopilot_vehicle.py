@@ -24,8 +24,11 @@ FRAME, LOW_V, PULSES_us = "FRAME_CONFIG", "BATT_LOW_VOLT", {"MOT_PWM_MIN": 1100.
 """Parameters of the frame, of the voltage that counts as low (0: none), and of the ends of pulses, with defaults."""
 PULSE_TYPE, SCALED = "MOT_PWM_TYPE", (8.0, 9.0)
 """Kind of pulses; PWMRange and PWMAngle, by which an output's own settings hold for a motor."""
+SIMULATION = "SIM_"
+"""Begin of the parameters of ArduPilot's simulator (SITL), which no autopilot has."""
 PARAMETERS = (
     FRAME,
+    f"{SIMULATION}BUOYANCY",
     PULSE_TYPE,
     LOW_V,
     *PULSES_us,
@@ -33,14 +36,23 @@ PARAMETERS = (
     *(f"MOT_{motor}_DIRECTION" for motor in range(1, MOST_MOTORS + 1)),
 )
 """All that a vehicle file takes from an autopilot."""
+OF_THE_SIMULATOR = (
+    "by its SIM_ parameters it is ArduPilot's simulator, whose thrust, levers and water are not those of {kind}: "
+    "describe its vehicle as docs/how-to/ardusub-sitl.yaml does, which is that of vectored_6dof"
+)
+"""Sentence about a vehicle of the box in the simulator's place."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """Frame of an ArduSub; for each motor (from 1) its channel (from 0) and whether it turns the other way."""
+    """Frame of an ArduSub; for each motor (from 1) its channel (from 0) and whether it turns the other way.
+
+    `simulated`: its vehicle is that of ArduPilot's simulator, which is none of the box.
+    """
 
     frame: int
     motors: Mapping[int, tuple[int, bool]]
+    simulated: bool = False
 
     @property
     def kind(self) -> str:
@@ -65,7 +77,8 @@ def wiring_of(parameters: Mapping[str, float]) -> Wiring | None:
             scaled = parameters.get(PULSE_TYPE, 0.0) in SCALED
             turned = scaled and parameters.get(f"SERVO{output}_REVERSED", 0.0) > 0.0
             motors[motor] = (output - 1, backwards != turned)
-    return Wiring(round(parameters[FRAME]), motors)
+    simulated = any(name.startswith(SIMULATION) for name in parameters)
+    return Wiring(round(parameters[FRAME]), motors, simulated)
 
 
 def logged_wiring(paths: Sequence[Path]) -> Wiring | None:

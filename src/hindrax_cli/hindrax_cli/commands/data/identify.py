@@ -30,7 +30,7 @@ from hindrax_analysis.identification.record_identification import (
     worthwhile,
 )
 from hindrax_analysis.identification.verdict import NextCommand, NextFlight, NextReport, show_next
-from hindrax_analysis.records.autopilot_vehicle import BOX, logged_wiring, wired
+from hindrax_analysis.records.autopilot_vehicle import BOX, OF_THE_SIMULATOR, logged_wiring, wired
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.csv_thrusters import MEANING, OUTPUTS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
@@ -115,6 +115,8 @@ def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | No
         print_stderr(
             "note: the log's parameters name no outputs (SERVOn_FUNCTION): the outputs of the vehicle file are assumed"
         )
+    if wiring.simulated and wiring.kind and (named is None or named.name in BOX):
+        print_stderr(f"note: {OF_THE_SIMULATOR.format(kind=named.name if named else wiring.kind)}")
     if named is None and wiring.kind:
         print_stderr(f"note: no --vehicle was named; the log's frame belongs to {wiring.kind}, whose hull is assumed")
         return wired(load_vehicle(vehicle_file(wiring.kind)), wiring)

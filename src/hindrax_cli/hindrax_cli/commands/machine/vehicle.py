@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hindrax_analysis.records.autopilot_vehicle import (
     LOW_V,
+    OF_THE_SIMULATOR,
     PARAMETERS,
     PULSES_us,
     logged_parameters,
@@ -110,6 +111,9 @@ def _text_from(name: str, source: str) -> str:
     )
     if (low_us, high_us) != tuple(PULSES_us.values()):
         head += f"# The autopilot gives pulses from {low_us} to {high_us} us only (MOT_PWM_MIN and MOT_PWM_MAX).\n"
+    if wiring.simulated:
+        print_stderr(f"note: {OF_THE_SIMULATOR.format(kind=wiring.kind)}")
+        head += "# It is ArduPilot's simulator, whose vehicle is another: see docs/how-to/ardusub-sitl.yaml.\n"
     text = with_outputs(file.read_text(encoding="utf-8"), name, wiring.motors)
     return head + with_autopilot(text, source if live else "", parameters.get(LOW_V, 0.0))
 
