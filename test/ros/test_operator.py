@@ -141,7 +141,7 @@ def test_armed_it_holds_pushes_and_stops(terminal: Terminal) -> None:
     assert "wrench X: found 1000, wanted -60 to 60 (limits of the vehicle file)" in wrong
     code, printed, wrong = terminal.run("wrench", "10", "0", "0", "0", "0", "0", "--for", "1")
     assert code == 0, wrong
-    achieved = float(printed.partition("it was X ")[2].split()[0])
+    achieved = float(printed.partition("including holds: X ")[2].split()[0])
     assert achieved == pytest.approx(10.0, abs=2.0)
     code, printed, wrong = terminal.run("recentre", "5", "2")
     assert (code, printed) == (0, "the vehicle is 5.00 m from the south wall, 2.00 m from the west wall\n"), wrong
