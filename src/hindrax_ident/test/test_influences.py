@@ -8,7 +8,7 @@ import pytest
 
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, MODEL, RUN, AxisFit, Influence, acting
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, LAG, LATENCY, MODEL, RUN, AxisFit, Influence, acting
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, _Likelihood, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.model_parameters import wide_prior
@@ -155,6 +155,21 @@ def test_what_is_far_beyond_any_pool_is_no_explanation(flown: AxisFit, monkeypat
         (informative,) = replace(budget, mean=mean, covariance=covariance).warnings()
         assert words in informative
     assert "59 times the size in a pool" in informative
+
+
+@pytest.mark.parametrize(("lag_s", "named"), [(0.3, {LAG, LATENCY}), (-0.1, set())])
+def test_a_thrust_before_its_command_is_no_lag_and_leaves_no_latency(
+    flown: AxisFit, monkeypatch: pytest.MonkeyPatch, lag_s: float, named: set[str]
+) -> None:
+    """A PX4 log was told to set 0.1 s of latency, for a lag of -0.1 s."""
+    monkeypatch.setattr(Budget, "_needs", lambda *_: True)
+    budget = budget_of(flown)
+    mean = np.zeros(len(budget.mean))
+    for row, one, sigma in budget.rows:
+        if one.name in (LAG, LATENCY):
+            mean[row] = (lag_s - flown.record.lag_s if one.name == LAG else 0.1) / sigma
+    warnings = replace(budget, mean=mean, covariance=0.01 * np.eye(len(mean))).warnings()
+    assert {str(one.numbers["influence"]).partition(" or ")[0] for one in warnings} == named
 
 
 def test_what_may_not_be_judged_and_explains_a_record_as_well_leaves_no_cause(flown: AxisFit) -> None:

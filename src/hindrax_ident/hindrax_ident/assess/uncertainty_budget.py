@@ -250,12 +250,24 @@ class Budget:
         surprise = self._surprise
         clear = []
         for row, influence, sigma in self.rows:
+            if influence.name in (LAG, LATENCY) and self._comes_first:
+                continue
             at = row.start + int(np.argmax(surprise[row]))
             if surprise[at] > SURPRISE_SIGMAS and abs(self.mean[at]) > 1.0:
                 clear.append((float(surprise[at]), at, row, self._named(at, influence, sigma)))
         if not clear or not self._needs([row for _, _, row, _ in clear]):
             return ()
         return tuple(text for *_, text in sorted(clear, key=lambda one: one[:2], reverse=True))
+
+    @property
+    def _comes_first(self) -> bool:
+        """Whether the record shows a thrust before its command.
+
+        No lag is that. Nor is a latency found beside it one: the two move a record in opposite ways, and what is left
+        bends it as other forces do.
+        """
+        error_s, sigma_s = self.found(LAG)
+        return self.case.record.lag_s + error_s < -SURPRISE_SIGMAS * sigma_s
 
     def _named(self, at: int, influence: Influence, sigma: float) -> Objection:
         """Objection about an influence, by the value of one of its unknowns."""
