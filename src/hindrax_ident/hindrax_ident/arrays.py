@@ -12,6 +12,8 @@ LARGEST_PERCENTILE = 98.0
 """Percentile of what counts as the largest: spikes are beyond it."""
 NOTHING_SHARE = 1e-3
 """Share of the very largest below which there is nothing [-]."""
+ROUNDING = 1e-6
+"""Change below which it is rounding, of the largest value on any axis of the kind: what thrusters that cancel leave."""
 
 
 def array(values: object) -> Array:
@@ -42,3 +44,22 @@ def largest(values: Array, side: int = 0) -> float:
     if np.percentile(sizes, LARGEST_PERCENTILE) <= least:
         values = values[sizes > least]
     return float(np.percentile(np.maximum(0.0, side * values) if side else np.abs(values), LARGEST_PERCENTILE))
+
+
+def rounding(table: Array, axis: int) -> float:
+    """Largest change of an axis that may be rounding.
+
+    Parameters
+    ----------
+    table : (n, 6)
+        Velocities or forces; NaN where there is none.
+    axis
+        By number, 0 surge to 5 yaw.
+
+    Returns
+    -------
+    float
+        In the unit of the axis.
+    """
+    kind = table[:, :3] if axis < 3 else table[:, 3:]
+    return ROUNDING * float(np.abs(kind[np.isfinite(kind)]).max(initial=0.0))

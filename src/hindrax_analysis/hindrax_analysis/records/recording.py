@@ -16,7 +16,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import AXES, Vehicle
-from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.arrays import Array, Flags, array, rounding
 from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objection
 from hindrax_ident.model.motion_model import motions_of
 from hindrax_ident.online.record_session import SOURCE, finite_wrench
@@ -27,8 +27,6 @@ FEWEST_VELOCITIES = 20
 NO_TIMES, NO_WAYS = array(np.zeros(0)), array(np.zeros((0, 3)))
 DERIVED = "odometry"
 """Source of velocities that were derived from places: those give the motion along their axes (`binning.NAVIGATORS`)."""
-LEAST_RELATIVE = 1e-6
-"""Change below which it is rounding, of the largest value on any axis of the kind."""
 
 SLOWEST_S = 5.0
 """Median time between velocities above which the times are probably not in seconds."""
@@ -198,22 +196,16 @@ def _reasons_to_skip(recording: Recording, axis: int) -> Iterator[Objection]:
     late_s = float(recording.wrench_t[0]) - recording.end_s
     if late_s > 0.0:
         yield objection(Code.LATE_THRUST, late_s=late_s)
-    if float(np.ptp(forces)) <= _rounding(recording.wrench, axis):
+    if float(np.ptp(forces)) <= rounding(recording.wrench, axis):
         yield objection(Code.CONSTANT_THRUST, axis=AXES[axis], where=_axes_that_change(recording.wrench))
-    if float(np.ptp(speeds)) <= _rounding(recording.velocity, axis):
+    if float(np.ptp(speeds)) <= rounding(recording.velocity, axis):
         yield objection(Code.CONSTANT_VELOCITY, axis=AXES[axis], where=_axes_that_change(recording.velocity))
-
-
-def _rounding(table: Array, axis: int) -> float:
-    """Largest change of a column of velocities or forces (n, 6) that may be rounding."""
-    kind = _finite(table[:, :3] if axis < 3 else table[:, 3:])
-    return LEAST_RELATIVE * float(np.abs(kind).max(initial=0.0))
 
 
 def _axes_that_change(table: Array) -> str:
     """Note that names the axes with changes; empty without any."""
-    columns = {name: (_finite(table[:, axis]), _rounding(table, axis)) for axis, name in enumerate(AXES)}
-    changing = [name for name, (known, rounding) in columns.items() if len(known) and np.ptp(known) > rounding]
+    columns = {name: (_finite(table[:, axis]), rounding(table, axis)) for axis, name in enumerate(AXES)}
+    changing = [name for name, (known, least) in columns.items() if len(known) and np.ptp(known) > least]
     return f" (on {' and '.join(changing)} it does)" if changing else ""
 
 
@@ -221,8 +213,8 @@ def has_signal(recording: Recording, axis: int) -> bool:
     """Whether an axis has both velocities and forces that are more than rounding."""
     speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
     return bool(
-        np.any(np.abs(speeds) > _rounding(recording.velocity, axis))
-        and np.any(np.abs(forces) > _rounding(recording.wrench, axis))
+        np.any(np.abs(speeds) > rounding(recording.velocity, axis))
+        and np.any(np.abs(forces) > rounding(recording.wrench, axis))
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, Index, array
+from hindrax_ident.arrays import Array, Index, array, rounding
 from hindrax_ident.records.axis_record import Series
 
 FINEST_S, COARSEST_S = 0.04, 0.1
@@ -20,8 +20,6 @@ SPECTRUM_STEP_S, BINS_OF_A_SINE = 0.1, 2.0
 """Sampling of the thrust for its spectrum; and how many bins of a spectrum with Hann's window one sine takes."""
 FEWEST_VELOCITIES = 20
 """Fewest velocities of an axis that is fitted."""
-ROUNDING = 1e-6
-"""Of the largest force, or moment: changes below are left where thrusters cancel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +64,8 @@ class SixAxisRecord:
     def axes(self) -> tuple[int, ...]:
         """Axes that were measured and that thrust has moved."""
         counts = [len(one) + (len(self.depth) if axis == 2 else 0) for axis, one in enumerate(self.velocities)]
-        changes = np.ptp(self.wrench, axis=0)
-        least = ROUNDING * np.repeat(np.abs(self.wrench).max(axis=0).reshape(2, 3).max(axis=1), 3)
-        return tuple(axis for axis in range(6) if counts[axis] >= FEWEST_VELOCITIES and changes[axis] > least[axis])
+        pushed = np.ptp(self.wrench, axis=0) > [rounding(self.wrench, axis) for axis in range(6)]
+        return tuple(axis for axis in range(6) if counts[axis] >= FEWEST_VELOCITIES and pushed[axis])
 
     def frequencies(self, axis: int) -> float:
         """As how many equal sines the thrust of an axis is spread over its spectrum.
