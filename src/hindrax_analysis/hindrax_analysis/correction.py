@@ -6,13 +6,15 @@ LEAST_SHARE = 0.01
 """Correction of a drag that is said [-]."""
 
 
-def what_was_corrected(results: Results) -> str:
+def what_was_corrected(results: Results, *, remedy: bool = True) -> str:
     """Say by how much the drag at the highest speed is corrected, and how to say that nothing takes thrust.
 
     Parameters
     ----------
     results
         Of all motions.
+    remedy
+        Whether to say what to write for a simulator without losses; beside a report, which says it, it is noise.
 
     Returns
     -------
@@ -25,7 +27,5 @@ def what_was_corrected(results: Results) -> str:
     shown = [f"{name} {share:+.0%}" for name, share in known.items() if abs(share) >= LEAST_SHARE]
     if not shown:
         return ""
-    return (
-        f"drag corrected by losses that water may have: {', '.join(shown)}; for a simulator without any, `losses: "
-        "false` in the vehicle file"
-    )
+    corrected = f"drag corrected by losses that water may have: {', '.join(shown)}"
+    return f"{corrected}; for a simulator without any, `losses: false` in the vehicle file" if remedy else corrected

@@ -73,6 +73,7 @@ def test_what_was_corrected_and_how_to_say_that_nothing_is(vehicle: Vehicle) -> 
     assert "surge -18%" in said
     assert "sway" not in said, "its drag is that of the fit"
     assert "`losses: false`" in said
+    assert what_was_corrected(Results(motions, vehicle), remedy=False) == said.partition(";")[0]
     assert what_was_corrected(Results({"sway": SWAY}, vehicle)) == ""
     simulated = Results(motions, replace(vehicle, losses=False))
     assert what_was_corrected(simulated) == "no loss of thrust is corrected: `losses: false` in the vehicle file"

@@ -188,7 +188,7 @@ def show(
         for one in rejected if reasoned else []:
             print_fitted(f"{REJECTED} {one.motion}: not identifiable: {'; '.join(one.reasons)}")
         show_verdicts(motions, identified.predicted, dense=line < 2)
-        if known and (corrected := what_was_corrected(identified.results)):
+        if known and (corrected := what_was_corrected(identified.results, remedy=not reported)):
             print_fitted(corrected)
         ending()
 
