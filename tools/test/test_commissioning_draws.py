@@ -1,12 +1,12 @@
 """A few of the draws of commissioning: every kind of fault once, found and named, and no vehicle tilted too far."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from hindrax_control.commissioning.findings import MEASURED, PROVEN, mended
+from hindrax_core.testing import THOROUGH
 from hindrax_sim.conditions.world_table import IDEAL, POOL
 from hindrax_sim.faults.fault_registry import FaultSpec, as_built
 from hindrax_sim.flights.commissioning_flight import fly_commissioning
@@ -35,7 +35,7 @@ FLOWN: tuple[tuple[str, tuple[str, ...], int], ...] = (
     # Ended by the velocity's guard before the body was moved: single thrusters show how it is turned.
     ("bluerov2", ("turned_yaw_180:dvl75",), 41070),
 )
-if os.environ.get("HINDRAX_THOROUGH"):
+if THOROUGH:
     # Turns by 0.7 deg/s while its gyroscope is set to zero: no fault of the magnetometer.
     FLOWN += (("bluerov2", ("thrusters_swapped:T4-T5", "thrusters_swapped:T5-T6"), 41062),)
 

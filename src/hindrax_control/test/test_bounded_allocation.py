@@ -4,7 +4,6 @@ The allocator works on facets and two parts; the reference knows neither. It han
 the priorities as two programs, one after the other.
 """
 
-import os
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -21,13 +20,14 @@ from hindrax_control.allocation.bounded_allocation import AttainableSet, facets
 from hindrax_control.allocation.effectiveness import ThrusterLayout, effectiveness, served_axes
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.readings import Vec3
+from hindrax_core.testing import THOROUGH
 from hindrax_core.vehicle import Vehicle, load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
 TOP = 15.5283
 # The slack of 1e-9 N, where one newton of the first priority costs 1e4 of the second; rounding a pulse costs 0.03 N.
 EXACT_N = 1e-4
-DEMANDS = 100_000 if os.environ.get("HINDRAX_THOROUGH") else 3_000
+DEMANDS = 100_000 if THOROUGH else 3_000
 AT_ONCE = 60  # demands in one program: HiGHS takes longer than in proportion for more
 ORDERS = ((2, 2, 1, 1, 1, 1), (2, 2, 1, 1, 1, 1), (1, 1, 1, 1, 1, 1), (1, 2, 2, 1, 1, 2), (1, 1, 2, 2, 2, 2))
 

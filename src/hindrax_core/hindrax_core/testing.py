@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 from hindrax_core.bus_operations import DeviceError, Operation, Program
 
 ResultT = TypeVar("ResultT")
+THOROUGH = os.environ.get("HINDRAX_THOROUGH", "") not in ("", "0")
+"""Whether tests take hours and other draws (`HINDRAX_THOROUGH=1`), not the same ones in minutes."""
 
 
 def rehearse(program: Program[ResultT], transcript: Sequence[tuple[Operation, bytes | DeviceError]]) -> ResultT:
@@ -57,10 +59,10 @@ def chunks(data: bytes, sizes: Sequence[int]) -> Iterator[bytes]:
 def load_profile() -> None:
     """Judge properties by what they find, never by the clock: a busy machine is slow, not wrong.
 
-    The usual run tries the same examples every time, so that it tells of the change at hand; a thorough one
-    (`HINDRAX_THOROUGH`) looks for new ones.
+    The usual run tries the same examples every time, so that it tells of the change at hand; a thorough one looks for
+    new ones.
     """
     from hypothesis import settings  # noqa: PLC0415  # only tests have it
 
-    settings.register_profile("hindrax", deadline=None, derandomize="HINDRAX_THOROUGH" not in os.environ)
+    settings.register_profile("hindrax", deadline=None, derandomize=not THOROUGH)
     settings.load_profile("hindrax")

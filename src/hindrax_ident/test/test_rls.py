@@ -2,7 +2,6 @@
 
 import copy
 import math
-import os
 
 import numpy as np
 import pytest
@@ -11,10 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
 from hindrax_core.readings import Vec3
+from hindrax_core.testing import THOROUGH
 from hindrax_ident.arrays import Array
 from hindrax_ident.online.rls import Rls
 
-MANY = 1_000_000 if os.environ.get("HINDRAX_THOROUGH") else 30_000
+MANY = 1_000_000 if THOROUGH else 30_000
 TRUTH = (66.48, 1.25, 0.4)
 
 

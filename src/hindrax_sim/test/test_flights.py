@@ -4,7 +4,6 @@ Short flights by default, of one level each; HINDRAX_THOROUGH=1 flies what a poo
 """
 
 import math
-import os
 import random
 import re
 from dataclasses import dataclass, field, replace
@@ -20,6 +19,7 @@ from hindrax_control.pilot import PilotKnobs
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.events import after
 from hindrax_core.signals import ZERO6, Navigation, Phase
+from hindrax_core.testing import THOROUGH
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.flights.lockstep import Lockstep
@@ -27,7 +27,6 @@ from hindrax_sim.flights.pool_flight import GoalPilot
 from hindrax_sim.world import World
 
 pytestmark = pytest.mark.long
-THOROUGH = bool(os.environ.get("HINDRAX_THOROUGH"))
 VEHICLE = vehicle_beside()
 SHORT = PlanKnobs(
     levels=1, turning_levels=1, repeats=(1,) * 6, surge_mps=(0.3, 0.4), sway_mps=(0.25, 0.3), plateau_s=4.0
