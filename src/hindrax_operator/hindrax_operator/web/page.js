@@ -9,9 +9,15 @@ const RECENT = 5;
 const past = [], trace = [], courses = {};
 let token = "", last = null, heard_ms = 0, beaten_ms = 0, notified = null, readOnly = null, locked = false, watching = false;
 
+/* A sentence; what stands between backticks is to be typed. */
+function say(place, sentence) {
+  if (place.said === sentence) return;
+  place.said = sentence;
+  place.replaceChildren(...sentence.split("`").map((part, index) => index % 2 ? make("code", part) : part));
+}
 const make = (name, text, kind) => {
   const made = document.createElement(name);
-  if (text !== undefined) made.textContent = text;
+  if (text !== undefined) say(made, String(text));
   if (kind) made.className = kind;
   return made;
 };
@@ -85,7 +91,7 @@ async function listen() {
       if (answer.status === 401) { askForToken(); return; }
       if (!answer.ok) throw new Error(await answer.text());
       await read(answer.body.getReader());
-    } catch (error) { if (error.message) at("reason").textContent = error.message; }
+    } catch (error) { if (error.message) say(at("reason"), error.message); }
     await new Promise(go => setTimeout(go, 1000));
   }
 }
@@ -162,14 +168,14 @@ function headline() {
   if (cut || silent) {
     pill.className = "pill warn";
     pill.textContent = cut ? (last ? "page cut off" : "connecting") : "vehicle silent";
-    at("reason").textContent = cut ? "the page gets no updates" :
-      "no message from the thrusters" + (gone && last.silent_s !== null ? ", and no program is left to stop them: if they turn, cut the power" : "");
+    say(at("reason"), cut ? "the page gets no updates" :
+      "no message from the thrusters" + (gone && last.silent_s !== null ? ", and no program is left to stop them: if they turn, cut the power" : ""));
     return;
   }
   const {armed, state, reason} = last.thrusters;
   pill.className = "pill " + (armed ? "armed" : state === "disarmed" ? "safe" : "warn");
   pill.textContent = armed || state === "disarmed" ? state.toUpperCase() : state;
-  at("reason").textContent = state === "disarmed" ? "" : reason;
+  say(at("reason"), state === "disarmed" ? "" : reason);
   at("title").textContent = last.title + (last.read_only ? ", read-only" : "");
   if (readOnly !== last.read_only) {
     readOnly = last.read_only;
@@ -269,8 +275,7 @@ function flight(update) {
   const busy = update.ordered || armed && !over;
   at("flying").disabled = !armed || busy;
   at("maneuver").classList.toggle("busy", armed && !over);
-  at("why").textContent = readOnly ? "" : busy ? "" : armed ? "" :
-    "the page cannot arm: `./hindrax arm` in a terminal";
+  say(at("why"), readOnly || busy || armed ? "" : "the page cannot arm: `./hindrax arm` in a terminal");
 }
 
 function holds(found) {
@@ -501,7 +506,7 @@ const CLAIMS = ["verdict", "claim", "claimed", "found"], VERDICTS = {wrong: "bad
 function commissioning(update) {
   const {saying, number} = update.commissioning;
   at("commission").disabled = update.ordered || update.thrusters.armed;
-  if (saying) at("proving").textContent = saying;
+  if (saying) say(at("proving"), saying);
   if (number === proven) return;
   proven = number;
   showProof();
@@ -524,7 +529,7 @@ async function showProof() {
   if (at("picture").src) URL.revokeObjectURL(at("picture").src);
   at("picture").src = URL.createObjectURL(new Blob([found.picture], {type: "image/svg+xml"}));
   at("proven").hidden = false;
-  at("proving").textContent = "";
+  say(at("proving"), "");
 }
 
 /* ---- reports */
