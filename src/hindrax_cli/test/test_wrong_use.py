@@ -235,6 +235,13 @@ def test_a_reader_that_has_seen_enough_costs_no_traceback(buffered: dict[str, st
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.mark.parametrize(("closed", "words", "code"), [(">&-", "--help", 0), ("<&- >&- 2>&-", "frob", 2)])
+def test_a_caller_that_has_closed_a_standard_stream_gets_the_exit_code(closed: str, words: str, code: int) -> None:
+    tool = f'exec "{sys.executable}" -m hindrax_cli {words} {closed}'
+    done = subprocess.run(["bash", "-c", tool], stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (code, "")
+
+
 def test_an_answer_that_finds_no_room_costs_no_traceback() -> None:
     tool = [sys.executable, "-m", "hindrax_cli", "--help"]
     with Path("/dev/full").open("w") as full:
