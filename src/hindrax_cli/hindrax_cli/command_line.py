@@ -128,6 +128,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
+def _is_nowhere() -> bool:
+    """Whether the folder of the shell was removed, without which no relative path means anything."""
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return True
+    return False
+
+
+def _go_elsewhere(command: str) -> None:
+    """Let a stop go on from where every folder can be found; UsageError for every other command."""
+    if command != "stop":
+        raise UsageError("the folder of this shell was removed; cd into another one")
+    os.chdir("/")
+
+
 def _mute_stdout() -> None:
     """Have nothing flushed any more into what takes nothing."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -145,6 +161,8 @@ def _main(words: list[str]) -> int:
         print_stderr(f"hindrax: no command {words[0]!r}{known}; ./hindrax --help lists all")
         return UsageError.exit_code
     try:
+        if _is_nowhere():
+            _go_elsewhere(words[0])
         found = load(words[0])
     except UsageError as error:
         print_stderr(f"hindrax {words[0]}: {error}")

@@ -242,6 +242,19 @@ def test_a_caller_that_has_closed_a_standard_stream_gets_the_exit_code(closed: s
     assert (done.returncode, done.stderr) == (code, "")
 
 
+def test_from_a_folder_that_is_gone_a_command_is_refused_and_a_stop_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    said = refused(capsys, "allocate", "--wrench", "10", "0", "0", "0", "0", "0")
+    assert said == "hindrax allocate: the folder of this shell was removed; cd into another one\n"
+    assert "--frob" in refused(capsys, "stop", "--frob")
+    assert Path.cwd() == Path("/")
+
+
 def test_an_answer_that_finds_no_room_costs_no_traceback() -> None:
     tool = [sys.executable, "-m", "hindrax_cli", "--help"]
     with Path("/dev/full").open("w") as full:
