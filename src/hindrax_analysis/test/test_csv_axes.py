@@ -42,6 +42,13 @@ def test_a_depth_below_zero_is_a_height() -> None:
     assert "depths are heights above the surface, by their sign" in found.assumptions
 
 
+def test_a_depth_on_both_sides_of_zero_counts_from_where_the_record_began() -> None:
+    """Taken for a height above the surface, it turned all axes: net buoyancy and heave were those of the other way."""
+    found = read({"w": SINKS, "Z": PUSH, "depth": DEPTH - 2.95})
+    assert found.velocity[:, 2] == pytest.approx(SINKS, abs=1e-5)
+    assert found.attitude[:, 2] == pytest.approx(DEPTH - 2.95, abs=1e-5)
+
+
 def test_at_the_surface_a_sensor_may_read_a_little_less_than_zero() -> None:
     found = read({"Z": PUSH, "depth": DEPTH - 2.05})
     assert found.attitude[:, 2] == pytest.approx(DEPTH - 2.05, abs=1e-5)
@@ -57,10 +64,9 @@ def test_noise_does_not_tell_and_a_named_frame_stays() -> None:
 
 
 def test_trials_below_each_other_tell_as_one_does() -> None:
-    columns = {"w": -SINKS, "Z": -PUSH, "depth": DEPTH}
-    rows = zip(T, *columns.values(), strict=True)
-    lines = [",".join(f"{cell:.6f}" for cell in row) for row in rows]
-    both = read_records("\n".join(["t,w,Z,depth", *lines, *lines]), "x.csv")
+    trials = [zip(T, -SINKS, -PUSH * more, DEPTH, strict=True) for more in (1.0, 1.1)]
+    lines = [",".join(f"{cell:.6f}" for cell in row) for rows in trials for row in rows]
+    both = read_records("\n".join(["t,w,Z,depth", *lines]), "x.csv")
     assert len(both) == 2
     for one in both:
         assert one.velocity[:, 2] == pytest.approx(SINKS, abs=1e-5)

@@ -73,6 +73,42 @@ def test_lines_above_the_header_line_are_passed_over() -> None:
     is_read('% of a pool\n"recorded in May, by hand"\n' + written("t,u,X"))
 
 
+def test_a_header_line_that_is_repeated_is_passed_over() -> None:
+    header, *rows = written("t,u,X").split("\n")
+    is_read("\n".join([header, *rows[:2], header, *rows[2:]]))
+    header, units, *rows = written("t,u,X\nms,cm/s,N", time=1000, speed=100.0).split("\n")
+    is_read("\n".join([header, units, *rows[:2], header, units, *rows[2:]]))
+
+
+def test_a_line_that_repeats_another_is_one_measurement() -> None:
+    """Taken for two, they made deviations smaller by the root of two, and bursts of receipt that nobody had."""
+    header, *rows = written("t,u,X").split("\n")
+    found = is_read("\n".join([header, *(row for row in rows for _ in range(2))]))
+    assert "3 lines that repeat others were left out" in found.assumptions
+    is_read("\n".join([header, *rows, *rows]))
+
+
+def test_equal_lines_of_a_coarse_clock_are_measurements() -> None:
+    found = read_csv("t,u,X\n0,0,0\n0,0,0\n0,1,2\n1,2,3\n", "x.csv")
+    assert found.velocity_t.tolist() == [0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("row", "wanted"),
+    [
+        ('"0,0","0,1","5,0"', "line 2, column t: found '0,0', wanted seconds with a decimal point, or a"),
+        ('0.0,"0,1",5.0', "line 2, column u: found '0,1', wanted a number with a decimal point"),
+        (
+            "05.03.2024 12:00:00,0.1,5",
+            "line 2, column t: found '05.03.2024 12:00:00', wanted seconds with a decimal point, or a",
+        ),
+    ],
+)
+def test_numbers_in_other_digits_are_no_units(row: str, wanted: str) -> None:
+    with pytest.raises(HindraxError, match=wanted):
+        read_csv(f"t,u,X\n{row}\n", "x.csv")
+
+
 def test_dates_are_times() -> None:
     dated = [f"2024-05-01T12:00:{t:06.3f}Z,{u},{x}" for t, u, x in zip(TIMES, SPEEDS, FORCES, strict=True)]
     assert is_read("\n".join(["time,u,X", *dated])).origin_s == 1714564800.0

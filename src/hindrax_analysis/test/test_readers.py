@@ -37,6 +37,15 @@ def test_columns_may_have_units_in_their_names_and_any_order() -> None:
     assert np.isnan(found.velocity[:, 1:]).all()
 
 
+@pytest.mark.parametrize("code", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+def test_text_is_read_in_the_code_of_any_spreadsheet(tmp_path: Path, code: str) -> None:
+    file = tmp_path / "x.csv"
+    file.write_bytes(PLAIN.replace("X", "X,T (\N{DEGREE SIGN}C)").encode(code))
+    (found,) = open_sources([file], TopicSelection())
+    assert found.recording is not None
+    assert len(found.recording.velocity_t) == 60
+
+
 def test_rates_may_differ_and_rows_may_be_out_of_order() -> None:
     found = read_csv("# a comment\nt,u,X,roll\n1.0,,5,\n0.0,0.1,,\n2.0,nan,6,0.2\n3.0,0.3,,\n", "x.csv")
     assert found.velocity_t.tolist() == [0.0, 3.0]

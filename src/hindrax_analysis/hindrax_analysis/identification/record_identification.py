@@ -167,12 +167,14 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
 
 
 def _text(file: Path) -> str:
-    """Text in UTF-8, or as saved by spreadsheets: UTF-16 with its mark, or Latin-1."""
+    """Text in UTF-8, or as saved by spreadsheets: UTF-16 with its mark or without it, or Latin-1."""
     try:
         data = file.read_bytes()
     except OSError as error:
         raise UsageError(f"{file}: cannot be read ({cause(error)})") from error
-    codes = ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8", "latin-1")
+    # The first character of a header line is below 256: beside it stands a zero.
+    unmarked = {0: "utf-16-be", 1: "utf-16-le"}.get(data[:2].find(b"\0"), "utf-8")
+    codes = ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else (unmarked, "latin-1")
     for code in codes:
         try:
             return data.decode(code)

@@ -16,7 +16,7 @@ from hindrax_ident.arrays import Array, array
 LEAST_SLOPE = 0.5
 """Size of the slope of a depth over its rate from which they are the same motion."""
 HIGH_m = -0.2
-"""Median of a depth below which it is a height: no vehicle flies above the water."""
+"""Median of a depth below which it is a height, where it does not rise as far above zero."""
 
 
 def with_depths(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
@@ -33,7 +33,11 @@ def with_depths(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[s
         The columns, (n,) each, and what was assumed.
     """
     depth = columns.get("depth")
-    if depth is None or not np.isfinite(depth).any() or float(np.nanmedian(depth)) > HIGH_m:
+    if depth is None or not np.isfinite(depth).any():
+        return dict(columns), ()
+    middle, highest = np.nanpercentile(depth, [50.0, 99.0])
+    # No vehicle flies above the water: what is on both sides of zero is a depth that counts from somewhere below.
+    if middle > HIGH_m or highest > -HIGH_m:
         return dict(columns), ()
     return dict(columns) | {"depth": array(-depth)}, ("depths are heights above the surface, by their sign",)
 

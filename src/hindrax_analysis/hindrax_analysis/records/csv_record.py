@@ -48,6 +48,7 @@ REAL_FORCES = "forces are those achieved by the thrusters, about the center of m
 
 PLACE = {"px", "py", "yaw"}
 """Columns that show the way along surge and sway."""
+WANTED_TIME = "seconds with a decimal point, or a time as 2024-05-01T12:00:00.5"
 FEWEST_ROWS, MOST_RECORDS = 20, 50
 """Shorter or more numerous than this, pieces between steps back are no records but lines out of order."""
 STEP_BACK_S, STEP_BACK_PERIODS = 1.0, 20.0
@@ -83,7 +84,7 @@ def read_records(
     if not any(_is_data(row[i]) for _, row in rows[:1] for i in meanings if i < len(row)):
         units = rows[0][1]
         outputs = {i: one.with_unit(units[i]) if i < len(units) else one for i, one in outputs.items()}
-        meanings, rows = _with_units(meanings, rows, source), rows[1:]
+        meanings, rows = _with_units(meanings, rows, source), [row for row in rows if row[1] != units]
     for line, cells in rows:
         check_width(cells, header, f"{source}, line {line}")
     columns = {
@@ -93,6 +94,9 @@ def read_records(
     if "t_ns" in columns:
         columns["t"] = array(columns["t"] + columns.pop("t_ns"))
     _check_times(columns["t"], rows, source)
+    once = _rows_once(columns["t"], rows)
+    repeated = len(rows) - len(once)
+    rows, columns = [rows[i] for i in once], {name: array(values[once]) for name, values in columns.items()}
     by_size = ""
     if not any(meaning.has_unit for meaning in meanings.values() if meaning.name == "t"):
         size = abs(float(np.median(columns["t"])))
@@ -111,7 +115,8 @@ def read_records(
     recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])
     steps = "once" if len(recordings) == 2 else f"{len(recordings) - 1} times"
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
-    assumptions = tuple(one for one in (by_size, *by_angles, *axes, forces_are, back) if one)
+    twice = f"{repeated} lines that repeat others were left out" if repeated else ""
+    assumptions = tuple(one for one in (by_size, *by_angles, *axes, forces_are, twice, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
 
@@ -125,6 +130,13 @@ def _axes(columns: dict[str, Array], named: str) -> tuple[str, dict[str, Array],
     how = ", as named" if named else ", by depth and w" if shown else ""
     how += f", but depth and w say {shown}" if named and shown not in ("", named) else ""
     return frame, columns, (f"axes are {AXES_OF[frame]}{how}", *heights, *turned)
+
+
+def _rows_once(t: Array, rows: list[Row]) -> list[int]:
+    """Rows that repeat no other in every cell; all of them where samples share times by a coarse clock."""
+    first = {tuple(cells): i for i, (_, cells) in reversed(list(enumerate(rows)))}
+    once = sorted(first.values())
+    return once if len(np.unique(t[once])) == len(once) else list(range(len(rows)))
 
 
 def _pieces(t: Array) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:
@@ -162,7 +174,9 @@ def _rows(text: str, source: str) -> tuple[list[str], list[Row]]:
         raise HindraxError(
             f"{source}: found {len(rows)} lines, wanted a header line with column names and data below it"
         )
-    return rows[0][1], rows[1:]
+    header = rows[0][1]
+    # Files that were put below each other have their header lines still.
+    return header, [row for row in rows[1:] if row[1] != header]
 
 
 def _is_header(line: str) -> bool:
@@ -214,7 +228,9 @@ def _hint(names: set[str], header: list[str]) -> str:
 
 
 def _is_data(cell: str) -> bool:
-    """Whether a cell may belong to a row of data: a number, a time, or empty."""
+    """Whether a cell may belong to a row of data: a number, even in other digits than ours, a time, or empty."""
+    if cell.lstrip("+-.")[:1].isdigit():
+        return True
     try:
         time_of(cell)
     except ValueError:
@@ -259,8 +275,8 @@ def _values(rows: list[Row], index: int, name: str, column: str, source: str) ->
         try:
             out.append(read(text))
         except ValueError:
-            what = f"found {text!r}, wanted a number with a decimal point, or nothing"
-            raise HindraxError(f"{source}, line {line}, {column}: {what}") from None
+            wanted = WANTED_TIME if name == "t" else "a number with a decimal point, or nothing"
+            raise HindraxError(f"{source}, line {line}, {column}: found {text!r}, wanted {wanted}") from None
     return np.array(out)
 
 
