@@ -21,7 +21,11 @@ Point: TypeAlias = tuple[float, float]
 
 
 JUMP_ns = 0.25 * NS_PER_S
-"""Step of the device's clock that is taken for a jump."""
+"""Step ahead of the device's clock that is taken for a jump."""
+LOST_ns = 0.1 * NS_PER_S
+"""Lateness of every sample of a second that is time lost by the device. Commands older than 0.2 s are not obeyed."""
+FOLLOWED_ns = 2.0 * NS_PER_S
+"""Lost time that stamps catch up with at twice the pace: one step would be a gap where no sample is missing."""
 BLOCK_ns = 2.0 * NS_PER_S
 """Span of which the least delayed sample is kept."""
 SLOPE_BLOCKS, HEIGHT_BLOCKS = 32, 12
@@ -93,6 +97,7 @@ class Timebase:
         self._height = self._least = self._block_length = self._block_end = 0.0
         self._least_point: Point = (0.0, 0.0)
         self._late_since: Stamp | None = None
+        self._least_late = self._behind_ns = 0.0
 
     @property
     def drift_ppm(self) -> float:
@@ -120,6 +125,7 @@ class Timebase:
         """
         if not self._running or ticks < self._ticks or arrival < self._arrival:
             self._start_over(ticks, arrival)
+        self._behind_ns = max(0.0, self._behind_ns - (ticks - self._ticks) * self._tick_ns)
         self._ticks = ticks
         self._arrival = arrival
         x = (ticks - self._ticks_0) * self._tick_ns
@@ -134,11 +140,11 @@ class Timebase:
                     return self.map(ticks, arrival)
                 self._height += late
                 self._least = late = 0.0
-        if x >= self._block_end or late > JUMP_ns:
+        if x >= self._block_end or late > LOST_ns:
             late = self._review(x, late, ticks, arrival)
         else:
             self._late_since = None
-        self._last = Stamp(max(self._last, arrival - int(late) - self.latency_ns))
+        self._last = Stamp(max(self._last, arrival - int(late + self._behind_ns) - self.latency_ns))
         return self._last
 
     def _start_over(self, ticks: int, arrival: Stamp) -> None:
@@ -154,7 +160,7 @@ class Timebase:
         self._running = True
         self._ticks_0 = self._ticks = ticks
         self._arrival_0 = self._arrival = arrival
-        self._height = 0.0
+        self._height = self._behind_ns = 0.0
         self._lowest.clear()
         self._late_since = None
         self._last = Stamp(min(self._last, arrival - self.latency_ns))
@@ -172,13 +178,14 @@ class Timebase:
 
     def _review(self, x: float, late: float, ticks: int, arrival: Stamp) -> float:
         """Late beyond belief for a second: the device's clock lost that time. End of a block: fit the line."""
-        if late <= JUMP_ns:
+        if late <= LOST_ns:
             self._late_since = None
         elif self._late_since is None:
-            self._late_since = arrival
-        elif arrival - self._late_since > NS_PER_S:
-            self._break("jump", -late / NS_PER_S, ticks, arrival)
-            return 0.0
+            self._late_since, self._least_late = arrival, late
+        else:
+            self._least_late = min(self._least_late, late)
+            if arrival - self._late_since > NS_PER_S:
+                return self._lose(self._least_late, late, ticks, arrival)
         if x < self._block_end:
             return late
         y = late + self._height + self._slope * x
@@ -188,6 +195,13 @@ class Timebase:
         self._height = min(height - self._slope * at for at, height in (*newest, (x, y)))
         self._open_block(x, 2.0 * self._block_length)
         return y - self._height - self._slope * x
+
+    def _lose(self, lost: float, late: float, ticks: int, arrival: Stamp) -> float:
+        """Begin anew after the device has lost time, as late as this sample is beside the least delayed one."""
+        self._break("jump", -lost / NS_PER_S, ticks, arrival)
+        self._height = lost - late
+        self._behind_ns = lost if lost <= FOLLOWED_ns else 0.0
+        return late - lost
 
 
 def _slope_under(points: Sequence[Point]) -> float:

@@ -13,7 +13,7 @@ import serial
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Send
-from hindrax_core.events import after
+from hindrax_core.events import Stamp, after
 from hindrax_drivers.buses.clock import SystemClock
 from hindrax_drivers.buses.line import SerialPort
 from hindrax_drivers.buses.ports import open_clock
@@ -68,6 +68,29 @@ def test_bytes_arrive_with_the_time_of_arrival(pty: Pty, clock: SystemClock) -> 
     assert data == b"$DVPDL"
     assert before <= stamp <= clock.now()
     port.close()
+
+
+def test_no_byte_is_younger_than_its_stamp(pty: Pty) -> None:
+    """However long the processor is with another program between the look at the clock and that at the port."""
+
+    class Interrupted(SystemClock):
+        def now(self) -> Stamp:
+            stamp = super().now()
+            os.write(pty.master, b"$")
+            written.append(super().now())
+            return stamp
+
+    written: list[Stamp] = []
+    clock = Interrupted()
+    port = SerialPort(str(pty.path), 115200, clock)
+    received = 0
+    for _ in range(20):
+        data, stamp = port.read()
+        received += len(data)
+        assert not received or written[received - 1] <= stamp
+    assert received
+    port.close()
+    clock.close()
 
 
 def test_the_line_has_the_wanted_speed(pty: Pty, clock: SystemClock) -> None:

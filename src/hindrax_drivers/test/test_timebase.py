@@ -139,6 +139,24 @@ def test_time_the_device_lost_is_found_within_two_seconds() -> None:
     assert breaks[0].shift_s == pytest.approx(-30.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("lost_s", [0.12, 0.55, 1.9])
+def test_stamps_catch_up_with_lost_time_without_a_gap(lost_s: float) -> None:
+    breaks: list[Break] = []
+    base, dice = Timebase(1e-6, on_break=breaks.append), random.Random(1)
+    last, arrival = Stamp(START), Stamp(START)
+    for number in range(1200):
+        taken = START + number * 10 * MS + (round(lost_s * NS_PER_S) if number >= 300 else 0)
+        late_ms = 0.0 if number % 3 == 0 else dice.uniform(0.0, 40.0)
+        arrival = Stamp(max(arrival, taken + round(late_ms * MS)))
+        stamp = base.map(number * 10_000, arrival)
+        assert number < 100 or 0 < stamp - last <= 20 * MS + 1_000, f"sample {number}"
+        if number > 300 + 100 * (lost_s + 1.2):
+            assert abs(stamp - taken) <= MS
+        last = stamp
+    assert [one.kind for one in breaks] == ["jump"]
+    assert breaks[0].shift_s == pytest.approx(-lost_s, abs=1e-3)
+
+
 def test_backlogs_are_not_taken_for_lost_time() -> None:
     breaks: list[Break] = []
     base = Timebase(1e-6, on_break=breaks.append)

@@ -11,9 +11,11 @@ import pytest
 import yaml
 from pymavlink.dialects.v20 import ardupilotmega
 
+from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.driver_interface import Send, Trouble
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import Pressure
+from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices.ardusub import ArduSub as Sensor
 from hindrax_drivers.devices.ardusub import ArduSubKnobs
 from hindrax_drivers.protocols import ardupilot, mavlink
@@ -35,6 +37,7 @@ from hindrax_drivers.protocols.mavlink import Decoder, MavlinkFrame
 from hindrax_sim.devices.ardupilot import firmware, wire
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
+SITL = Path(__file__).parents[3] / "docs/how-to/ardusub-sitl.yaml"
 READ: dict[str, object] = {
     "attitude": Attitude(5000, (0.125, -0.25, 1.5), (0.5, -0.75, 0.0625)),
     "pressure": Barometer(5000, 2, 121325.0, 18.5),
@@ -176,6 +179,25 @@ def test_the_pressure_of_a_depth_sensor_that_is_not_healthy_is_none() -> None:
         "Stamped",
     ]
     assert found == wanted
+
+
+def test_time_that_a_simulator_loses_is_no_gap_in_flight() -> None:
+    """A SITL that gets no processor for 0.65 s makes up for 0.1 s of it; its samples go on as if nothing had been."""
+    sensor, end = Sensor(ArduSubKnobs(barometer=1)), ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1)
+    navigator = Navigator(load_vehicle(SITL))
+    sensor.start(stamp_from_s(0.0))
+    states, told = [], []
+    for step in range(800):
+        now = stamp_from_s(0.01 * step + (0.55 if step > 500 else 0.0))
+        sample = end.raw_imu_encode(10_000 * step, 0, 0, -1000, step % 2, *(0,) * 5)
+        beat = end.heartbeat_encode(12, 3, 0, 0, 4)
+        outputs = [*(sensor.feed(bytes(beat.pack(end)), now) if step % 100 == 0 else ()), *sensor.tick(now)]
+        for one in (*outputs, *sensor.feed(bytes(sample.pack(end)), now)):
+            told += [one.text] if isinstance(one, Trouble) and "clock" in one.text else []
+            states += [navigator.step(one, "autopilot")] if isinstance(one, Stamped) else []
+    (began,) = {state.reading.consistency.began for state in states if state}
+    assert began < stamp_from_s(0.1)
+    assert told == ["ardusub: its clock lost 0.55 s, as that of a simulator on a busy computer, or the link got slower"]
 
 
 def test_a_pressure_that_is_sent_twice_is_measured_once() -> None:

@@ -61,10 +61,12 @@ class Line(ABC):
         """Send bytes."""
 
     def read(self) -> tuple[bytes, Stamp]:
-        """Return the bytes that have arrived, without waiting, and the time of the read."""
-        stamp = self._clock.now()
+        """Return the bytes that have arrived, without waiting, and a time by which they had."""
         with self._lost_on(OSError, TypeError):  # of pyserial, when it is closed
-            return self._receive(), stamp
+            data = self._receive()
+        # A process that does not get the processor in between is late; a clock read before would be early, and a single
+        # sample earlier than it was taken makes all others look late (`Timebase`).
+        return data, self._clock.now()
 
     def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
         """Sleep on the clock until bytes arrive, the time has come, or `clock.wake()` is called."""

@@ -97,4 +97,7 @@ class Companion(ABC):
 
     def _on_break(self, found: Break) -> None:
         what = "has restarted" if found.kind == "reset" else f"its clock jumped by {found.shift_s:.3g} s"
+        if found.kind == "jump" and found.shift_s < 0.0:
+            lost = f"its clock lost {-found.shift_s:.2g} s"
+            what = f"{lost}, as that of a simulator on a busy computer, or the link got slower"
         self._broken.append(Trouble(found.arrival, f"{self._name}: {what}"))
