@@ -108,6 +108,18 @@ def test_ctrl_c_ends_a_session_that_goes_on_as_it_began(
     assert [step["name"] for step in kept["done"]] == ["tether", "legs 1", "weigh surge", "legs 2"]
 
 
+def test_the_folder_of_a_session_is_named_once_by_either_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flights_without_a_stack(monkeypatch)
+    day = str(tmp_path / "day")
+    main(["pool-test", "--session", "--mock", "--out", day, "--repeats", "1"])
+    assert (tmp_path / "day" / "session.yaml").is_file()
+    capsys.readouterr()
+    assert main(["pool-test", "--session", day, "--mock", "--out", str(tmp_path / "other")]) == 2
+    assert f"--session {day} names the folder already" in capsys.readouterr().err
+
+
 def test_legs_that_did_not_start_are_tried_once_more(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,7 +56,7 @@ from hindrax_operator.progress import Progress
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
 
-OF_OTHER_FLIGHTS = ("plan", "until", "minutes", "fault", "simulator", "start", "out", "autopilot", "params", "set")
+OF_OTHER_FLIGHTS = ("plan", "until", "minutes", "fault", "simulator", "start", "autopilot", "params", "set")
 """Options of a single flight, which a session does not keep."""
 LOAD_SIGMA = 0.002
 LEAD_AWAY = (
@@ -88,7 +88,9 @@ def guide(arguments: argparse.Namespace) -> int:
     found = [f"--{name}" for name in OF_OTHER_FLIGHTS if getattr(arguments, name) not in (None, [], "", False)]
     found += [f"--excitation {arguments.excitation}"] if arguments.excitation != PLATEAUS else []
     if found:
-        raise UsageError(f"--session: found {', '.join(found)}, wanted none of them: a session chooses its legs itself")
+        raise UsageError(f"--session: found {', '.join(found)}, which it has no use for: it plans its own legs")
+    if arguments.session and arguments.out:
+        raise UsageError(f"--out {arguments.out}: --session {arguments.session} names the folder already")
     session, folder = _opened(arguments)
     runner = StackStepRunner(arguments, session, folder)
     save(session, folder.path)
@@ -144,7 +146,7 @@ def _opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
         "vehicle": vehicle_word(Path(arguments.vehicle)),
         "repeats": arguments.repeats,
     }
-    folder = make_run_folder(arguments.session or None, Path(arguments.vehicle))
+    folder = make_run_folder(arguments.session or arguments.out, Path(arguments.vehicle))
     return PoolSession(settings, planned_steps(servable.flown, arguments.repeats)), folder
 
 
