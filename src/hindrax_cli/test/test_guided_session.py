@@ -21,6 +21,7 @@ from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Thrust
 from hindrax_core.vehicle import AxisGain, load_vehicle
 from hindrax_operator.pool_run import FlownManeuver, PoolOptions
+from hindrax_operator.session_question import answer, asked
 from hindrax_sim.flights.weighing_flight import WeighingFlight
 
 
@@ -118,6 +119,29 @@ def test_the_folder_of_a_session_is_named_once_by_either_option(
     capsys.readouterr()
     assert main(["pool-test", "--session", day, "--mock", "--out", str(tmp_path / "other")]) == 2
     assert f"--session {day} names the folder already" in capsys.readouterr().err
+
+
+def test_a_person_may_say_on_the_page_that_the_tether_is_led_away(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day, asking = tmp_path / "day", list[str]()
+
+    def tap(_pause_s: float) -> None:
+        question = asked(day)
+        assert question is not None
+        asking.append(question.sentence)
+        assert answer(day, question.number)
+
+    flights_without_a_stack(monkeypatch)
+    monkeypatch.setattr(guided_session, "require_tty", lambda: None)
+    monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(guided_session, "entered", lambda: False)
+    monkeypatch.setattr("time.sleep", tap)
+    main(["pool-test", "--session", str(day), "--repeats", "1", "--uncommissioned"])
+    assert asking == [guided_session.LEAD_AWAY]
+    assert "then press Enter" in capsys.readouterr().err
+    assert yaml.safe_load((day / "session.yaml").read_text())["done"][0]["remark"] == ""
+    assert asked(day) is None
 
 
 def test_legs_that_did_not_start_are_tried_once_more(

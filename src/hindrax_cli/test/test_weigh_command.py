@@ -57,7 +57,7 @@ def test_only_an_enter_after_the_question_states_that_a_load_hangs(monkeypatch: 
         monkeypatch.setattr(sys, "stdin", typed)
         os.write(keyboard, b"\n\n")
         select.select([typed], [], [], 10.0)
-        weigh._forget_what_was_typed()
+        weigh.forget_what_was_typed()
         assert not weigh.entered()
         os.write(keyboard, b"\n")
         select.select([typed], [], [], 10.0)
@@ -68,7 +68,7 @@ def test_only_an_enter_after_the_question_states_that_a_load_hangs(monkeypatch: 
 def test_an_input_that_has_ended_is_not_an_operator(monkeypatch: pytest.MonkeyPatch) -> None:
     with Path("/dev/null").open(encoding="utf-8") as nobody:
         monkeypatch.setattr(sys, "stdin", nobody)
-        with pytest.raises(HindraxError, match="the input has ended, wanted Enter for each load"):
+        with pytest.raises(HindraxError, match="the input has ended, wanted Enter for each step"):
             weigh.entered()
 
 

@@ -39,7 +39,7 @@ from hindrax_operator.web.page import PAGE, summary
 from hindrax_operator.web.reports import Reports
 
 GETS = ("/events", "/commissioning", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
-POSTS = ("/here", "/fly", "/commission", "/cancel", "/stop", "/disarm", "/nowhere")
+POSTS = ("/here", "/fly", "/commission", "/answer", "/cancel", "/stop", "/disarm", "/nowhere")
 EVERY = [("GET", path) for path in ("/", *GETS)] + [("POST", path) for path in POSTS]
 
 

@@ -5,7 +5,7 @@ A request is refused or accepted by its head alone, before a byte of its body is
 GET /: the page (no secrets in it, so no token). GET /events: server-sent events, five a second. GET /reports: the runs;
 GET /reports/NAME: the report of one. GET /camera/TOPIC: its next frame. GET /commissioning: what the last one found.
 GET /register_service: what BlueOS asks every port of an extension by whatever name; nothing in it is a secret.
-POST /here: the page is being viewed. POST /fly, /commission, /cancel, /stop, /disarm.
+POST /here: the page is being viewed. POST /fly, /commission, /cancel, /stop, /disarm; /answer: to what a session asks.
 """
 
 import asyncio
@@ -36,7 +36,7 @@ from hindrax_operator.web.page import PAGE, SCRIPT_HASH
 from hindrax_operator.web.page_controller import PERIOD_S, PageController
 
 BODY_bytes, CHUNK_bytes = 4096, 1 << 16
-ORDERS = ("fly", "commission", "cancel", "stop", "disarm")
+ORDERS = ("fly", "commission", "answer", "cancel", "stop", "disarm")
 JSON_TYPE, TEXT_TYPE, HTML_TYPE = "application/json", "text/plain; charset=utf-8", "text/html; charset=utf-8"
 EVENT_STREAM_TYPE = "text/event-stream; charset=utf-8"
 CAMERA = "/camera/"

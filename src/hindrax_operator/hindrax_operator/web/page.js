@@ -151,6 +151,7 @@ function show() {
   estimates(last.estimates);
   cameras(last.cameras);
   commissioning(last);
+  session(last.session);
   document.querySelectorAll("canvas[data-keys]").forEach(plotPast);
   plotCourses();
 }
@@ -532,6 +533,29 @@ async function showProof() {
   say(at("proving"), "");
 }
 
+/* ---- the session of the day: it runs in a terminal, and waits for Enter there or for a tap here */
+
+const STEPS = {done: "good", next: "", left: "soft"};
+
+function session(found) {
+  at("session").hidden = !found;
+  if (!found) return;
+  const {name, steps, reached, question} = found;
+  at("day").textContent = name;
+  at("answered").hidden = readOnly || !question;
+  at("answered").dataset.number = question ? question.number : "";
+  say(at("asked"), question ? question.sentence : "");
+  at("steps").replaceChildren(...steps.map(step => make("li", step.name + (step.remark ? ": " + step.remark : "") +
+    (step.state === "next" ? " (next)" : step.state === "done" ? " \u2713" : ""), STEPS[step.state])));
+  const head = make("tr");
+  head.append(...["motion", "drag known to", "goal"].map(heading));
+  at("gained").replaceChildren(...(reached.length ? [head, ...reached.map(cells => {
+    const row = make("tr");
+    row.append(...cells.map(text => make("td", text)));
+    return row;
+  })] : []));
+}
+
 /* ---- reports */
 
 async function listReports() {
@@ -602,6 +626,10 @@ at("excitation").addEventListener("change", () => {
   at("random").hidden = experimenting();
 });
 for (const name of ["stop", "disarm", "cancel", "commission"]) at(name).addEventListener("click", () => order(name));
+at("answered").addEventListener("click", () => {
+  at("answered").hidden = true;
+  order("answer", {number: Number(at("answered").dataset.number)});
+});
 at("fly").addEventListener("submit", event => {
   event.preventDefault();
   const motions = [...document.querySelectorAll("[name=motion]:checked")].map(one => one.value);

@@ -21,6 +21,7 @@ from hindrax_operator.monitor.draw import SILENT_S
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import CameraFrame
 from hindrax_operator.web.access import RefusedRequest
+from hindrax_operator.web.day import SessionOfTheDay
 from hindrax_operator.web.page import summary
 from hindrax_operator.web.reports import Reports
 
@@ -51,6 +52,7 @@ class PageController:
         self, vehicle: GraphLink, of: Vehicle, reports: Reports, *, read_only: bool, log: Callable[[str], None]
     ) -> None:
         self.reports, self.read_only = reports, read_only
+        self._day = SessionOfTheDay(reports.runs)
         self._vehicle, self._log = vehicle, log
         self._of = of
         self._pool = {"size": (of.pool.length_m, of.pool.width_m), "hull": of.envelope_m[:2]}
@@ -74,6 +76,7 @@ class PageController:
                     "ordered": self._flying,
                     "pool": self._pool,
                     "outcomes": list(self._outcomes),
+                    "session": self._day.shown(),
                     "commissioning": {"saying": self._commissioned.saying, "number": self._commissioned.number},
                 }
                 self._update = json.dumps(plain(found), allow_nan=False, separators=(",", ":"))
@@ -107,6 +110,9 @@ class PageController:
         if name == "fly":
             self._fly(goal_of(words))
             return
+        if name == "answer":
+            self._answer(words)
+            return
         if words:
             raise RefusedRequest(
                 HTTPStatus.BAD_REQUEST, f"{name}: found {', '.join(sorted(words))}, wanted no arguments"
@@ -115,6 +121,14 @@ class PageController:
             self._commission()
             return
         self._vehicle.end(name, lambda sentence, well: self._done(name, sentence, well))
+
+    def _answer(self, words: Mapping[str, object]) -> None:
+        """Tell the session of the day that the person has done what it asked."""
+        number = words.get("number")
+        if set(words) != {"number"} or not isinstance(number, int) or isinstance(number, bool):
+            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "answer: wanted number, that of the question")
+        if not self._day.answer(number):
+            raise RefusedRequest(HTTPStatus.CONFLICT, "answer: the session does not ask that any more")
 
     def _fly(self, goal: Goal | ExperimentGoal) -> None:
         self._begin("fly", armed=True, wanted="wanted armed; `./hindrax arm` in a terminal first")

@@ -5,7 +5,7 @@ import math
 import select
 import sys
 import termios
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -139,7 +139,7 @@ def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: S
         return weigh_on(operator, vehicle, axis, loads, ready=entered, ask=ask, report=print_stderr)
 
 
-def ask_for_load(axis: str, weight_N: float, load: float) -> None:
+def ask_for_load(axis: str, weight_N: float, load: float, say: Callable[[str], None] | None = None) -> None:
     """Tell a person what to hang on the vehicle.
 
     Parameters
@@ -150,10 +150,15 @@ def ask_for_load(axis: str, weight_N: float, load: float) -> None:
         Of the load in the water.
     load : [N, N m]
         With the axis; negative: the other way round, 0: nothing.
+    say
+        Told the same, for who is not at the terminal.
     """
-    _forget_what_was_typed()
+    forget_what_was_typed()
     what = "nothing but its tether" if load == 0.0 else f"{weight_N:g} N: {ACTS[axis][load < 0.0]}"
-    print_stderr(f"on the vehicle: {what}. Let it go gently, then press Enter")
+    sentence = f"on the vehicle: {what}. Let it go gently"
+    print_stderr(f"{sentence}, then press Enter")
+    if say is not None:
+        say(sentence)
 
 
 def require_tty() -> None:
@@ -162,7 +167,7 @@ def require_tty() -> None:
         raise UsageError("--session: found no terminal for the steps of a person, wanted one, --yes or --mock")
 
 
-def _forget_what_was_typed() -> None:
+def forget_what_was_typed() -> None:
     """An Enter from before the question is no answer: the load does not hang yet."""
     if sys.stdin.isatty():
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
@@ -173,7 +178,7 @@ def entered() -> bool:
     if not select.select([sys.stdin], [], [], 0.0)[0]:
         return False
     if not sys.stdin.readline():
-        raise HindraxError("the input has ended, wanted Enter for each load; a record is evaluated by --bag and --hold")
+        raise HindraxError("the input has ended, wanted Enter for each step; `weigh --bag --hold` evaluates a record")
     return True
 
 

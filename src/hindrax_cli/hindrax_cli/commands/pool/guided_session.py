@@ -4,7 +4,7 @@ import argparse
 import math
 import shlex
 import shutil
-import sys
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -42,7 +42,15 @@ from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.share_files import vehicle_word
 from hindrax_bringup.stack import MockOptions, world_of_pool_test
-from hindrax_cli.commands.experiment.weigh import SHARES, LEVER_SIGMA_m, ask_for_load, check_load, entered, require_tty
+from hindrax_cli.commands.experiment.weigh import (
+    SHARES,
+    LEVER_SIGMA_m,
+    ask_for_load,
+    check_load,
+    entered,
+    forget_what_was_typed,
+    require_tty,
+)
 from hindrax_cli.commands.operate.up_stop import require_known
 from hindrax_control.maneuver.goal import PLATEAUS, motions_to_fly
 from hindrax_control.prior_dynamics import prior_dynamics
@@ -52,6 +60,7 @@ from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whol
 from hindrax_core.vehicle import AXES, AxisGain, load_vehicle
 from hindrax_operator.pool_run import ABORT, PoolOptions, fly, planned, proof_of
 from hindrax_operator.progress import Progress
+from hindrax_operator.session_question import SessionQuestions
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
@@ -59,10 +68,8 @@ if TYPE_CHECKING:
 OF_OTHER_FLIGHTS = ("plan", "until", "minutes", "fault", "simulator", "start", "autopilot", "params", "set")
 """Options of a single flight, which a session does not keep."""
 LOAD_SIGMA = 0.002
-LEAD_AWAY = (
-    "lead the tether away: slack, afloat, its fixed end beside the middle of the legs, so that it pulls nowhere; "
-    "then press Enter"
-)
+LEAD_AWAY = "lead the tether away: slack, afloat, its fixed end beside the middle of the legs, so that it pulls nowhere"
+TURN_S = 0.1
 
 
 def guide(arguments: argparse.Namespace) -> int:
@@ -104,6 +111,8 @@ def guide(arguments: argparse.Namespace) -> int:
         mock = " --mock" if session.settings["mock"] else ""
         print_stderr(f"stopped; `./hindrax pool-test --session {folder.path}{mock}` goes on with the step in hand")
         return INTERRUPTED
+    finally:
+        runner.questions.close()
     bags = _bags(session, folder)
     conditions = recorded_conditions(identified, bags, bags)
     write(folder.coefficients, as_yaml(identified.results, conditions))
@@ -187,6 +196,7 @@ class StackStepRunner:
             json=arguments.json,
             uncommissioned=arguments.uncommissioned,
         )
+        self.questions = SessionQuestions(folder.path)
         print_stderr(proof_of(self.vehicle, self.options).text)
         for line in planned(self.vehicle, self.options):
             print_stderr(line)
@@ -196,8 +206,19 @@ class StackStepRunner:
         """Ask for the tether to be led away."""
         if self.options.mock is not None or self._yes:
             return ""
-        print_stderr(LEAD_AWAY)
-        return "" if sys.stdin.readline() else "the input has ended"
+        forget_what_was_typed()
+        print_stderr(f"{LEAD_AWAY}; then press Enter")
+        self.questions.ask(LEAD_AWAY)
+        while not self._ready():
+            time.sleep(TURN_S)
+        return ""
+
+    def _ready(self) -> bool:
+        """Whether the person has done what was asked, and says so here or on the page."""
+        ready = self.questions.answered() or entered()
+        if ready:
+            self.questions.close()
+        return ready
 
     def legs(self, motions: tuple[str, ...], folder: Path, _session: PoolSession) -> tuple[float, str]:
         """Fly motions.
@@ -264,9 +285,10 @@ class StackStepRunner:
         def act(_options: PoolOptions, operator: "Operator", progress: Progress) -> Refusal:
             from hindrax_operator.weighing import weigh_on  # noqa: PLC0415  # rclpy reads the environment of the stack
 
-            loads, ask = [share * load_N * lever_m for share in SHARES], partial(ask_for_load, axis, load_N)
-            number = AXES.index(axis)
-            held.extend(weigh_on(operator, self.vehicle, number, loads, ready=entered, ask=ask, report=progress.report))
+            loads = [share * load_N * lever_m for share in SHARES]
+            ask = partial(ask_for_load, axis, load_N, say=self.questions.ask)
+            asked = AXES.index(axis), loads
+            held.extend(weigh_on(operator, self.vehicle, *asked, ready=self._ready, ask=ask, report=progress.report))
             return NOTHING
 
         made = make_run_folder(str(folder), self._file)

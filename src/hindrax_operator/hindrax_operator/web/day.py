@@ -1,0 +1,79 @@
+"""The pool session of the day for the page: steps, what they reached, what it asks of the person at the pool."""
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from hindrax_analysis.identification.pool_session import SESSION_FILE, PoolSession, drag_goal, load
+from hindrax_analysis.next_step import quoted_share
+from hindrax_core.errors import HindraxError
+from hindrax_operator.session_question import answer, asked
+
+LOOK_S = 1.0
+"""Time between two looks at the folder of runs."""
+SHOWN_S = 6 * 3600.0
+"""Age of the last step up to which a session is that of the day."""
+
+
+class SessionOfTheDay:
+    """The session that was last kept below one folder of runs; its methods may be called from any thread."""
+
+    def __init__(self, runs: Path) -> None:
+        self._runs = runs
+        self._looked_s = float("-inf")
+        self._folder: Path | None = None
+        self._shown: Mapping[str, object] | None = None
+
+    def shown(self) -> Mapping[str, object] | None:
+        """What the page shows of it; None where there is none.
+
+        Returns
+        -------
+        Mapping[str, object] | None
+            `name`; `steps`, each with `name`, `state` (done, next or left) and `remark`; `reached`, a row for each
+            motion: its name, the deviation of the drag, and the goal; `question`, with `number` and `sentence`, or
+            None.
+        """
+        if time.monotonic() - self._looked_s >= LOOK_S:
+            self._folder = self._newest()
+            self._shown = None if self._folder is None else _shown(self._folder)
+            self._looked_s = time.monotonic()
+        return self._shown
+
+    def answer(self, number: int) -> bool:
+        """Answer the question of a number; False where nobody asks it any more."""
+        self._looked_s = float("-inf")
+        self.shown()
+        return self._folder is not None and answer(self._folder, number)
+
+    def _newest(self) -> Path | None:
+        try:
+            inside = self._runs.resolve(strict=True)
+            # A link out of the folder of runs is not followed.
+            files = [file for file in inside.glob(f"*/{SESSION_FILE}") if file.resolve() == file]
+            kept_s, newest = max((file.stat().st_mtime, file) for file in files)
+        except (OSError, ValueError):  # no runs yet, none of a session, or one that is being removed
+            return None
+        return newest.parent if time.time() - kept_s < SHOWN_S else None
+
+
+def _shown(folder: Path) -> Mapping[str, object] | None:
+    try:
+        session = load(folder)
+    except HindraxError:  # damaged, or of another version: its own command says so
+        return None
+    question = asked(folder)
+    return {
+        "name": folder.name,
+        "steps": _steps(session),
+        "reached": [
+            (motion, quoted_share(one.drag), f"{drag_goal(motion):.0%}") for motion, one in session.reached.items()
+        ],
+        "question": None if question is None else question._asdict(),
+    }
+
+
+def _steps(session: PoolSession) -> list[Mapping[str, str]]:
+    done = [{"name": step.name, "state": "done", "remark": step.remark} for step in session.done]
+    left = [{"name": name, "state": "left", "remark": ""} for name in session.left]
+    return [*done, *({**one, "state": "next"} for one in left[:1]), *left[1:]]
