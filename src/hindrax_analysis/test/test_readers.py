@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from hindrax_analysis.identification.record_identification import TABLES, open_sources
 from hindrax_analysis.records.csv_record import read_records
@@ -44,6 +46,15 @@ def test_text_is_read_in_the_code_of_any_spreadsheet(tmp_path: Path, code: str) 
     (found,) = open_sources([file], TopicSelection())
     assert found.recording is not None
     assert len(found.recording.velocity_t) == 60
+
+
+def test_what_is_missing_in_a_damaged_bag_may_be_what_it_lost(tmp_path: Path) -> None:
+    file, chunk = tmp_path / "x.mcap", struct.pack("<BQQQ", 6, 1000, 0, 10**9)
+    file.write_bytes(MAGIC + chunk)
+    with pytest.raises(
+        UsageError, match=r"it holds nothing; x\.mcap: the file ends in the middle of a chunk, at byte 8"
+    ):
+        open_sources([file], TopicSelection())
 
 
 def test_rates_may_differ_and_rows_may_be_out_of_order() -> None:

@@ -174,6 +174,28 @@ def part_number(path: Path) -> tuple[int, str]:
     return (int(number) if number.isdigit() else 0, path.name)
 
 
+def missing_parts(found: Sequence[Path]) -> tuple[str, ...]:
+    """Files of a bag that metadata.yaml has and its folder lacks.
+
+    Parameters
+    ----------
+    found
+        Those that are there, at least one.
+
+    Returns
+    -------
+    tuple[str, ...]
+        Names; none where as many are there under other names: a bag that was renamed, or compressed since.
+    """
+    try:
+        text = (found[0].parent / NAME).read_text(encoding="utf-8")
+        names = [str(name) for name in read_yaml(text, NAME)["rosbag2_bagfile_information"]["relative_file_paths"]]
+    except (UsageError, OSError, ValueError, LookupError, TypeError):
+        return ()
+    there = {file.name for file in found}
+    return tuple(name for name in names if name not in there) if len(names) > len(found) else ()
+
+
 def is_whole(file: Path) -> bool:
     """Whether a file is complete, by its last bytes."""
     with file.open("rb") as stream:

@@ -9,6 +9,7 @@ from typing import Any
 import lz4.frame
 import numpy as np
 import pytest
+import zstandard
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -190,6 +191,16 @@ def test_a_message_that_grows_without_end_is_damaged(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(compression, "MOST_B", 4999)
     with pytest.raises(ValueError, match="more than 4999 bytes"):
         compression.unpacked(packed)
+
+
+def test_a_compressed_database_that_is_cut_off_has_its_own_name(tmp_path: Path) -> None:
+    """Not that of the temporary file that it was unpacked to."""
+    bag = rosbag2(tmp_path / "bag", StoragePlugin.SQLITE3, "file")
+    (file,) = bag.glob("*.zstd")
+    whole = zstandard.ZstdDecompressor().stream_reader(file.read_bytes()).read()
+    file.write_bytes(zstandard.compress(whole[: len(whole) // 2]))
+    with pytest.raises(UsageError, match=re.escape(f"{file}: cannot be read as a sqlite3 bag")):
+        list(messages(bag))
 
 
 def test_a_damaged_compressed_file_is_one_sentence(tmp_path: Path) -> None:

@@ -116,14 +116,41 @@ def lost(note: str, *, left_out: int, seconds: float = 2.5, unfinished: bool = F
         (chunk(message(1), "lz4", claims=1000), "ValueError"),
         (chunk(message(1), claims=0), "ValueError"),
         (chunk(message(1), "zip"), "UnsupportedCompressionError"),
-        (chunk(message(1)[:5]), "error"),
-        (chunk(record(MESSAGE, b"short")), "error"),
     ],
 )
 def test_a_broken_chunk_costs_itself_and_its_time(broken: bytes, why: str, tmp_path: Path) -> None:
     found, damage = read(tmp_path, MAGIC + HEAD + broken + message(2) + FOOT)
     assert kinds(found) == [Header, Message, Footer]
     assert damage == lost(f"a chunk is damaged ({why}) and left out", left_out=1)
+
+
+@pytest.mark.parametrize("crc", [0, None])
+@pytest.mark.parametrize(
+    ("inner", "kept"),
+    [
+        (message(3)[:5], 0),
+        (record(MESSAGE, b"short"), 0),
+        (message(1) + bytes(9) + message(3), 2),
+        (message(1) + struct.pack("<BQ", MESSAGE, 1000) + message(3), 1),
+        (message(1) + message(3)[:-1], 1),
+    ],
+)
+def test_a_chunk_that_is_damaged_inside_is_read_as_far_as_it_goes(
+    inner: bytes, kept: int, crc: int | None, tmp_path: Path
+) -> None:
+    """Only the rest was missing, without a word: half of a flight."""
+    found, damage = read(tmp_path, MAGIC + HEAD + chunk(inner, crc=crc) + message(2) + FOOT)
+    assert kinds(found) == [Header, *[Message] * (kept + 1), Footer]
+    (note,) = damage.notes
+    assert note == "a.mcap: a chunk is damaged inside, and read up to 2.5 s before its end"
+    assert damage.left_out == 1
+    assert damage.lost_s == pytest.approx(2.5, abs=1e-6)
+
+
+def test_zeros_between_records_are_told_once(tmp_path: Path) -> None:
+    found, damage = read(tmp_path, MAGIC + HEAD + bytes(90) + message(2) + FOOT)
+    assert kinds(found) == [Header, Message, Footer]
+    assert damage.notes == [f"a.mcap: zeros instead of records, at byte {len(MAGIC + HEAD)}; left out"]
 
 
 def test_a_chunk_without_a_checksum_is_accepted(tmp_path: Path) -> None:

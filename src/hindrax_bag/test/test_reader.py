@@ -11,6 +11,7 @@ import pytest
 from mcap.records import Channel, Schema
 
 from hindrax_bag.definitions import definition
+from hindrax_bag.metadata import NAME, Contents, metadata_text
 from hindrax_bag.read.bag_reader import DamagedMessageError, MessageDecoder, attachments, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.recovery import recover
@@ -119,6 +120,21 @@ def test_a_folder_without_a_bag_is_reported_by_what_is_in_it(tmp_path: Path, nam
 def test_the_folder_of_a_run_stands_for_the_bag_in_it(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag", count=1)
     assert bag_files(tmp_path) == bag_files(tmp_path / "bag") == bag_files(path) == [path]
+
+
+def test_a_part_that_metadata_has_and_the_folder_lacks_is_named(tmp_path: Path) -> None:
+    """Half of a flight was missing, without a word."""
+    file = small_bag(tmp_path / "bag", count=5)
+    beside = file.parent / NAME
+    beside.write_text(metadata_text([Contents(file.name), Contents("bag_1.mcap")]), encoding="utf-8")
+    damage = Damage()
+    assert list(messages(file.parent, damage=damage))
+    assert damage.notes == ["bag_1.mcap: is missing, by metadata.yaml; copy it beside the others"]
+    for text in (metadata_text([Contents("before_it_was_renamed.mcap")]), "", "rosbag2_bagfile_information: 1", "{"):
+        beside.write_text(text, encoding="utf-8")
+        whole = Damage()
+        assert list(messages(file.parent, damage=whole))
+        assert not whole.notes
 
 
 def test_topics_are_chosen_by_name(tmp_path: Path) -> None:

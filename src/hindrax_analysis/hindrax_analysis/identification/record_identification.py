@@ -30,6 +30,7 @@ from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, re
 from hindrax_analysis.report.comparison import RunScatter, pool_runs
 from hindrax_analysis.report.figures import Trace
 from hindrax_bag.read.bag_reader import KINDS, VEHICLE_FILE, attached_vehicle, attachments
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import IdentEvent, Phase, Thrust
@@ -78,6 +79,8 @@ class RecordSource:
     mock: bool = False
     parts: tuple[Path, ...] = ()
     """Files that were joined to the first."""
+    damage: tuple[str, ...] = ()
+    """What of a bag of this stack was left out."""
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -87,7 +90,7 @@ class RecordSource:
     @property
     def assumptions(self) -> tuple[str, ...]:
         """Assumptions made to read it."""
-        return self.recording.assumptions if self.recording else ()
+        return self.recording.assumptions if self.recording else self.damage
 
 
 # ---- reading
@@ -150,20 +153,24 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
         remedy = "save it as CSV, with a line of column names above (`./hindrax identify --help` lists them)"
         raise UsageError(f"{path}: is a table in a format that is not read; {remedy}")
     try:
-        topics = topics_of(bag)
+        topics = topics_of(bag, damage := Damage())
     except UsageError as error:
         if bag.is_dir() or bag.suffix.lower() in KINDS:
             raise
         wants = ", ".join((*KINDS, *CSV_ENDINGS, *ENDINGS))
         raise UsageError(f"{error}; wanted a bag, a run folder, or a file that ends in one of {wants}") from error
     if is_ours(topics) and wanted == TopicSelection():
-        return [RecordSource(bag, mock=is_mock(bag))]
+        return [RecordSource(bag, mock=is_mock(bag), damage=tuple(damage.sentences))]
     if resolved(ALLOCATION) in topics and wanted == TopicSelection():
         raise UsageError(
             f"{path}: is a bag of this stack, and no maneuver was flown in it; manual flight can be identified"
             f" with --odometry {resolved(ODOMETRY)}"
         )
-    return [RecordSource(bag, read_bag(bag, wanted, topics, vehicle))]
+    try:
+        return [RecordSource(bag, read_bag(bag, wanted, topics, vehicle))]
+    except UsageError as error:
+        # A topic that is not there may be what a damaged file has lost.
+        raise UsageError("; ".join([str(error), *damage.sentences])) from error
 
 
 def _text(file: Path) -> str:

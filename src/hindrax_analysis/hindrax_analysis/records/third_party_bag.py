@@ -60,10 +60,10 @@ class _FrameChoice:
         return self.frame in ("flu", "fsd")
 
 
-def topics_of(bag: Path) -> dict[str, str]:
-    """Type of every topic with messages."""
+def topics_of(bag: Path, damage: Damage | None = None) -> dict[str, str]:
+    """Type of every topic with messages; `damage` receives a report of what was left out."""
     found: dict[str, str] = {}
-    for message in messages(bag):
+    for message in messages(bag, damage=damage):
         if message.topic not in found:
             package, _, short = message.type.replace("/msg/", "/").partition("/")
             found[message.topic] = f"{package}/msg/{short}"

@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap_ros2.decoder import DecoderFactory
 
 from hindrax_bag.definitions import steps_of
-from hindrax_bag.metadata import COMPRESSED, DESCRIPTION, part_number
+from hindrax_bag.metadata import COMPRESSED, DESCRIPTION, NAME, missing_parts, part_number
 from hindrax_bag.read.compression import unpacked, unpacked_file
 from hindrax_bag.read.mcap_records import BROKEN, Damage, records
 from hindrax_bag.read.ros1 import ENCODING, ros1_bag, ros1_type
@@ -174,10 +174,13 @@ def messages(
         When a file is no bag at all; at the first message, not at the call.
     """
     noted = Damage() if damage is None else damage
-    for file in bag_files(path):
+    files = bag_files(path)
+    if not Path(path).is_file():
+        noted.notes += [f"{one}: is missing, by {NAME}; copy it beside the others" for one in missing_parts(files)]
+    for file in files:
         with unpacked_file(file) as place:
             if place.suffix == ".db3":
-                yield from _sqlite_messages(place, topics, noted)
+                yield from _sqlite_messages(file, place, topics, noted)
             elif place.suffix == ".bag":
                 yield from _ros1_messages(place, topics)
             else:
@@ -240,11 +243,11 @@ def _ros1_messages(file: Path, topics: Collection[str] | None) -> Iterator[BagMe
             )
 
 
-def _sqlite_messages(file: Path, topics: Collection[str] | None, damage: Damage) -> Iterator[BagMessage]:
-    """Messages of a .db3 file, tables `topics` and `messages`, in the order of their times."""
+def _sqlite_messages(file: Path, place: Path, topics: Collection[str] | None, damage: Damage) -> Iterator[BagMessage]:
+    """Messages of a .db3 file, unpacked at `place`: tables `topics` and `messages`, in the order of their times."""
     forms: dict[int, tuple[str, MessageDecoder]] = {}
     try:
-        with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        with closing(sqlite3.connect(f"{place.resolve().as_uri()}?mode=ro", uri=True)) as database:
             texts = _definitions(database)
             query = "SELECT id, name, type, serialization_format FROM topics"
             for number, topic, kind, encoding in database.execute(query):

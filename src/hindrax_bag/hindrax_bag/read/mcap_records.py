@@ -43,6 +43,8 @@ _READERS: dict[int, Callable[[ReadDataStream], object]] = {
 }
 """Records that are opened; indexes and statistics are skipped: a sequential reader needs none."""
 MESSAGES = (Opcode.CHUNK, Opcode.MESSAGE)
+NO_RECORDS = (0, Opcode.MESSAGE)
+"""Codes of no record that may be skipped: 0 is not valid (MCAP, Records), and a message is not below its head."""
 BROKEN = (McapError, ZstdError, EOFError, ValueError, LookupError, OverflowError, OSError, struct.error, RuntimeError)
 """Exceptions of reading a damaged record, from mcap, zstd, lz4 or the disk."""
 
@@ -131,7 +133,7 @@ def records(file: Path, damage: Damage | None = None, *, chunks: bool = True) ->
 
 def _whole_records(file: Path, stream: BinaryIO, damage: Damage, *, chunks: bool) -> Iterator[object]:
     """Records from here up to the footer or to the first that is cut off."""
-    size = os.fstat(stream.fileno()).st_size
+    size, zeros = os.fstat(stream.fileno()).st_size, False
     while True:
         begin = stream.tell()
         try:
@@ -156,6 +158,9 @@ def _whole_records(file: Path, stream: BinaryIO, damage: Damage, *, chunks: bool
         except BROKEN as error:
             damage.skip(f"{file.name}: a record is damaged ({type(error).__name__}), at byte {begin}; left out")
             continue
+        if code == 0 and not zeros:
+            zeros = True
+            damage.notes.append(f"{file.name}: zeros instead of records, at byte {begin}; left out")
         if record is not None:
             yield record
         if code == Opcode.FOOTER:
@@ -187,12 +192,17 @@ def _opened(file: Path, record: object, damage: Damage) -> Iterator[object]:
         yield record
         return
     try:
-        inner = _inside(_content(record))
+        inner, whole = _inside(_content(record))
     except BROKEN as error:
         note = f"{file.name}: a chunk is damaged ({type(error).__name__}) and left out"
         damage.skip(note, record.message_start_time, record.message_end_time)
         return
     yield from inner
+    if not whole:
+        last = max((one.log_time for one in inner if isinstance(one, Message)), default=record.message_start_time)
+        lost_s = max(0, record.message_end_time - last) / NS_PER_S
+        note = f"{file.name}: a chunk is damaged inside, and read up to {lost_s:.3g} s before its end"
+        damage.skip(note, last, record.message_end_time)
 
 
 def _content(chunk: Chunk) -> bytes:
@@ -213,17 +223,24 @@ def _content(chunk: Chunk) -> bytes:
     return data
 
 
-def _inside(data: bytes) -> list[object]:
-    """Records of an opened chunk. Messages, nearly all records, are read here: twice as fast as one by one."""
+def _inside(data: bytes) -> tuple[list[object], bool]:
+    """Records of an opened chunk, and whether it holds nothing else; what follows a length that is wrong is lost.
+
+    Messages, nearly all records, are read here: twice as fast as one by one.
+    """
     found: list[object] = []
-    at, end = 0, len(data)
-    while at < end:
+    at, end, whole = 0, len(data), True
+    while at + _RECORD_HEAD.size <= end:
         code, length = _RECORD_HEAD.unpack_from(data, at)
         at += _RECORD_HEAD.size
-        if code == Opcode.MESSAGE:
+        if at + length > end:
+            return found, False
+        if code == Opcode.MESSAGE and length >= _MESSAGE_HEAD.size:
             number, sequence, received, sent = _MESSAGE_HEAD.unpack_from(data, at)
             found.append(Message(number, received, data[at + _MESSAGE_HEAD.size : at + length], sent, sequence))
         elif code in _READERS:
             found.append(_record(code, data[at : at + length]))
+        elif code in NO_RECORDS:
+            whole = False
         at += length
-    return found
+    return found, whole and at == end
