@@ -121,7 +121,7 @@ def test_the_folder_of_a_session_is_named_once_by_either_option(
     assert f"--session {day} names the folder already" in capsys.readouterr().err
 
 
-def test_a_person_may_say_on_the_page_that_the_tether_is_led_away(
+def test_a_page_shows_what_is_to_be_done_before_the_legs_and_only_enter_arms(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     day, asking = tmp_path / "day", list[str]()
@@ -130,12 +130,12 @@ def test_a_person_may_say_on_the_page_that_the_tether_is_led_away(
         question = asked(day)
         assert question is not None
         asking.append(question.sentence)
-        assert answer(day, question.number)
+        assert not answer(day, question.number)
 
     flights_without_a_stack(monkeypatch)
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
     monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
-    monkeypatch.setattr(guided_session, "entered", lambda: False)
+    monkeypatch.setattr(guided_session, "entered", lambda: bool(asking))
     monkeypatch.setattr("time.sleep", tap)
     main(["pool-test", "--session", str(day), "--repeats", "1", "--uncommissioned"])
     assert asking == [guided_session.LEAD_AWAY]

@@ -20,10 +20,11 @@ LARGEST_bytes = 10_000
 
 
 class Question(NamedTuple):
-    """A question that somebody waits to have answered."""
+    """A question that somebody waits to have answered; `arms`: the answer does, so it is given in the terminal."""
 
     number: int
     sentence: str
+    arms: bool
 
 
 class SessionQuestions:
@@ -34,14 +35,22 @@ class SessionQuestions:
         self._number = 0
         self._held: IO[str] | None = None
 
-    def ask(self, sentence: str) -> None:
-        """Ask, in place of the question before; HindraxError where the folder cannot be written."""
+    def ask(self, sentence: str, *, arms: bool = False) -> None:
+        """Ask, in place of the question before; HindraxError where the folder cannot be written.
+
+        Parameters
+        ----------
+        sentence
+            What is to be done.
+        arms
+            Whether the thrusters are armed when it is done: then no page answers (ADR 18).
+        """
         self.close()
         self._number = 1 + secrets.randbelow(NUMBERS - 1)
         with writing(self._question):
             self._held = self._question.open("w", encoding="utf-8")
             fcntl.flock(self._held, fcntl.LOCK_EX)
-            self._held.write(json.dumps(Question(self._number, sentence)._asdict()))
+            self._held.write(json.dumps(Question(self._number, sentence, arms)._asdict()))
             self._held.flush()
 
     def answered(self) -> bool:
@@ -67,16 +76,16 @@ def asked(folder: Path) -> Question | None:
         found = _read(file)
         number, sentence = found.get("number"), found.get("sentence")
         if isinstance(number, int) and isinstance(sentence, str):
-            return Question(number, sentence)
+            return Question(number, sentence, found.get("arms") is not False)
     except OSError:
         pass
     return None
 
 
 def answer(folder: Path, number: int) -> bool:
-    """Answer the question of a number; False where that is not asked any more. HindraxError when it cannot be kept."""
+    """Answer the question of a number; False where no page may, or nobody asks. HindraxError when it is not kept."""
     question = asked(folder)
-    if question is None or question.number != number:
+    if question is None or question.number != number or question.arms:
         return False
     with writing(folder / ANSWER_FILE):
         replace_text(folder / ANSWER_FILE, json.dumps({"number": number}))

@@ -48,6 +48,15 @@ def test_an_answer_to_the_question_before_answers_nothing(questions: SessionQues
     assert not questions.answered()
 
 
+def test_no_page_gives_the_answer_that_arms(questions: SessionQuestions, tmp_path: Path) -> None:
+    questions.ask(TETHER, arms=True)
+    question = asked(tmp_path)
+    assert question is not None
+    assert question.arms
+    assert not answer(tmp_path, question.number)
+    assert not questions.answered()
+
+
 def _ask(folder: Path) -> None:
     SessionQuestions(folder).ask(TETHER)
 
@@ -60,7 +69,7 @@ def test_nobody_waits_for_an_answer_when_the_asker_has_ended(tmp_path: Path) -> 
     assert not answer(tmp_path, json.loads((tmp_path / QUESTION_FILE).read_text())["number"])
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{", '{"number": "7", "sentence": 3}', "\x00"])
+@pytest.mark.parametrize("content", ["", "[]", "{", '{"number": "7", "sentence": 3, "arms": false}', "\x00"])
 def test_a_damaged_question_is_none(content: str, questions: SessionQuestions, tmp_path: Path) -> None:
     questions.ask(TETHER)
     (tmp_path / QUESTION_FILE).write_text(content)
@@ -86,7 +95,7 @@ def test_the_page_shows_the_session_of_the_day_and_answers_it(tmp_path: Path) ->
             {"name": "legs 2", "state": "left", "remark": ""},
         ],
         "reached": [("surge", "8.4%", "5%")],
-        "question": {"number": question.number, "sentence": LOAD},
+        "question": {"number": question.number, "sentence": LOAD, "arms": False},
     }
     with served(tmp_path, read_only=True) as page:
         assert page.order("answer", number=question.number)[0] == 403
@@ -98,7 +107,7 @@ def test_the_page_shows_the_session_of_the_day_and_answers_it(tmp_path: Path) ->
         assert questions.answered()
         questions.close()
         gone = page.order("answer", number=question.number)
-        assert gone == (409, "answer: the session does not ask that any more\n")
+        assert gone == (409, "answer: no session asks that of a page, or not any more\n")
 
 
 def test_without_a_session_the_page_shows_none(tmp_path: Path) -> None:

@@ -31,8 +31,8 @@ class SessionOfTheDay:
         -------
         Mapping[str, object] | None
             `name`; `steps`, each with `name`, `state` (done, next or left) and `remark`; `reached`, a row for each
-            motion: its name, the deviation of the drag, and the goal; `question`, with `number` and `sentence`, or
-            None.
+            motion: its name, the deviation of the drag, and the goal; `question`, with `number`,
+            `sentence` and `arms`, or None.
         """
         if time.monotonic() - self._looked_s >= LOOK_S:
             self._folder = self._newest()
@@ -41,7 +41,7 @@ class SessionOfTheDay:
         return self._shown
 
     def answer(self, number: int) -> bool:
-        """Answer the question of a number; False where nobody asks it any more."""
+        """Answer the question of a number; False where no page may, or nobody asks it any more."""
         self._looked_s = float("-inf")
         self.shown()
         return self._folder is not None and answer(self._folder, number)

@@ -542,9 +542,9 @@ function session(found) {
   if (!found) return;
   const {name, steps, reached, question} = found;
   at("day").textContent = name;
-  at("answered").hidden = readOnly || !question;
+  at("answered").hidden = readOnly || !question || question.arms;
   at("answered").dataset.number = question ? question.number : "";
-  say(at("asked"), question ? question.sentence : "");
+  say(at("asked"), !question ? "" : question.sentence + (question.arms ? "; then press Enter in the terminal: it arms" : ""));
   at("steps").replaceChildren(...steps.map(step => make("li", step.name + (step.remark ? ": " + step.remark : "") +
     (step.state === "next" ? " (next)" : step.state === "done" ? " \u2713" : ""), STEPS[step.state])));
   const head = make("tr");

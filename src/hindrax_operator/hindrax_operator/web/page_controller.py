@@ -128,7 +128,7 @@ class PageController:
         if set(words) != {"number"} or not isinstance(number, int) or isinstance(number, bool):
             raise RefusedRequest(HTTPStatus.BAD_REQUEST, "answer: wanted number, that of the question")
         if not self._day.answer(number):
-            raise RefusedRequest(HTTPStatus.CONFLICT, "answer: the session does not ask that any more")
+            raise RefusedRequest(HTTPStatus.CONFLICT, "answer: no session asks that of a page, or not any more")
 
     def _fly(self, goal: Goal | ExperimentGoal) -> None:
         self._begin("fly", armed=True, wanted="wanted armed; `./hindrax arm` in a terminal first")

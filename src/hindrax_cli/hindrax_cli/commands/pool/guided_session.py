@@ -208,7 +208,7 @@ class StackStepRunner:
             return ""
         forget_what_was_typed()
         print_stderr(f"{LEAD_AWAY}; then press Enter")
-        self.questions.ask(LEAD_AWAY)
+        self.questions.ask(LEAD_AWAY, arms=True)
         while not self._ready():
             time.sleep(TURN_S)
         return ""
