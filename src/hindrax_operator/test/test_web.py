@@ -22,6 +22,7 @@ from web_rig import ADDRESS, ARMED, DISARMED, NAVIGATION, TOKEN, Page, served
 
 from hindrax_analysis.plain import plain
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack_lock import StackLock
 from hindrax_control.commissioning.findings import WRONG, Finding, Findings, Mend
 from hindrax_control.maneuver.goal import EXCITATIONS, Goal
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards
@@ -706,6 +707,39 @@ def test_a_commissioning_that_waits_to_be_armed_is_cancelled_too(monkeypatch: py
         Findings(ended="stopped by the operator"),
         ("ended early: stopped by the operator", False),
     ]
+
+
+def test_a_view_says_which_stack_is_in_its_graph_and_flies_no_real_vehicle_for_a_mock(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    graph, here = {"ROS_DOMAIN_ID": "62"}, list[StackLock]()
+    mock = StackLock(5, mock=True, vehicle="v.yaml", folder="runs/a", graph=graph)
+    other = StackLock(9, mock=False, vehicle="v.yaml", folder="runs/b", graph={"ROS_DOMAIN_ID": "63"})
+    real = replace(other, pid=7, graph=graph)
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda *_: Snapshot())
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.stacks", lambda: here)
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.LOOK_S", -1.0)
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link._fly", lambda *_: "flown")
+    link, said = GraphLink(mock, sim_time=False), list[str]()
+    operator: Any = Flown()
+
+    def fly() -> str:
+        link._refresh(operator)
+        link.fly(Goal(("surge",)), lambda sentence, _: said.append(sentence))
+        link._carry_out(operator, *link._orders.get())
+        return said[-1]
+
+    here += [replace(mock, pid=6), other]
+    assert fly() == "flown"
+    assert link.title == "mock vehicle, ROS domain 62, process 6"
+    here[:] = [other]
+    fly()
+    assert link.title == "mock vehicle, ROS domain 62, process 5, ended"
+    here[:] = [real]
+    assert fly() == (
+        "began with mock vehicle, ROS domain 62, process 5, found vehicle, ROS domain 62, process 7: start this view "
+        "again for it"
+    )
 
 
 def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hindrax_bringup.stack_lock import StackLock
+from hindrax_bringup.stack_lock import StackLock, stacks
 from hindrax_control.commissioning.findings import Findings
 from hindrax_control.maneuver.goal import Goal
 from hindrax_core.errors import HindraxError
@@ -32,6 +32,8 @@ LOST_S = 30.0
 """Silence after which the end of a maneuver is no longer awaited."""
 CLOSE_S = 10.0
 AGAIN_S = 1.0
+LOOK_S = 1.0
+"""Time between two looks at which stack is in the graph."""
 
 Order = Callable[["Operator"], str]
 
@@ -40,12 +42,15 @@ class GraphLink(threading.Thread):
     """Joins a stack's graph and stays in it until `close`.
 
     Stop, disarm and cancel are executed at once, also while a maneuver is being flown. `present`: whether an operator
-    watches; the heartbeat stands for the operator, not for the program.
+    watches; the heartbeat stands for the operator, not for the program. A stack may end and another follow in its
+    graph, even a real vehicle after a mock: `title` says which it is, and such an exchange flies nothing.
     """
 
     def __init__(self, found: StackLock | None, *, sim_time: bool, namespace: str = NAMESPACE) -> None:
         super().__init__(name="operator's link", daemon=True)
         self.title = found.title if found else "no `./hindrax up` runs here; ROS graph of this terminal"
+        self._found = self._here = found
+        self._looked_s = float("-inf")
         self._join = partial(joined, found, sim_time=sim_time, namespace=namespace, tick=self._tick)
         self.present: Callable[[], bool] = lambda: True
         self._orders: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
@@ -82,7 +87,12 @@ class GraphLink(threading.Thread):
 
     def fly(self, goal: Goal | ExperimentGoal, on_done: OnDone) -> None:
         """Order a maneuver or an experiment; `on_done` is called when it has ended."""
-        self._orders.put((lambda operator: _fly(operator, goal), on_done))
+
+        def order(operator: Operator) -> str:
+            self._require_same()
+            return _fly(operator, goal)
+
+        self._orders.put((order, on_done))
 
     def commission(self, vehicle: Vehicle, report: Report, found: Callable[[Findings], None], on_done: OnDone) -> None:
         """Order a commissioning of the vehicle; it begins nothing more after an end of the page.
@@ -106,6 +116,7 @@ class GraphLink(threading.Thread):
         self._ended.clear()
 
         def order(operator: Operator) -> str:
+            self._require_same()
             findings = commission_beside(operator, vehicle, report, arm=False, over=self._ended.is_set)
             found(findings)
             if findings.ended:
@@ -181,6 +192,21 @@ class GraphLink(threading.Thread):
             # In one piece: a page that asks in between must not find the cameras gone.
             now = snapshot(operator, self._snapshot.thrusters.stops_us)
             self._snapshot = replace(now, cameras=self._cameras.names if self._cameras else ())
+
+        if self._found is not None and time.monotonic() - self._looked_s > LOOK_S:
+            self._looked_s = time.monotonic()
+            self._look(self._found)
+
+    def _look(self, found: StackLock) -> None:
+        """Find the stack that is in the graph now, the newest where two are."""
+        graph = found.domain, found.namespace
+        self._here = next((one for one in reversed(stacks()) if (one.domain, one.namespace) == graph), None)
+        self.title = f"{found.title}, ended" if self._here is None else self._here.title
+
+    def _require_same(self) -> None:
+        """HindraxError where a real vehicle has taken the place of a mock, or the other way round."""
+        if self._found is not None and self._here is not None and self._here.mock is not self._found.mock:
+            raise HindraxError(f"began with {self._found.title}, found {self.title}: start this view again for it")
 
     def _beat(self, operator: Operator) -> None:
         if self.present() is not self._beating:
