@@ -847,6 +847,19 @@ def test_a_bag_of_another_vehicle_than_the_named_one_is_said(capsys: pytest.Capt
     assert "the record is of" not in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("frame", "count", "x_m"), [(1, 6, 0.0), (2, 8, 0.25)])
+def test_the_file_of_a_simulator_is_of_what_it_simulates(frame: int, count: int, x_m: float, tmp_path: Path) -> None:
+    """SIM_Submarine: vertical thrusters at 0.25 m along both axes, or abeam; no thrust is lost, added mass is none."""
+    log, made = tmp_path / "sitl.bin", tmp_path / "mine.yaml"
+    outputs = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, count + 1)}
+    log.write_bytes(dataflash_of_yaw({"FRAME_CONFIG": float(frame), "SIM_BUOYANCY": 1.0} | outputs))
+    assert main(["vehicle", "new", "mine", "--from", str(log), "--out", str(made)]) == 0
+    vehicle = load_vehicle(made)
+    assert (vehicle.name, vehicle.losses, len(vehicle.thrusters)) == ("mine", False, count)
+    assert vehicle.thrusters[4].position_m == (x_m, 0.25, 0.0)
+    assert vehicle.measuring("velocity") == ("estimator",)
+
+
 def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`identify dive.bin` and no other file; and the vehicle file that `vehicle new --from` makes of it."""
     log = tmp_path / "dive.bin"
@@ -863,14 +876,12 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     assert [one.name for one in vehicle.thrusters if one.reversed] == ["T4"]
     assert "simulator" not in told + capsys.readouterr().err + made.read_text()
     log.write_bytes(dataflash_of_yaw(parameters | {"SIM_BUOYANCY": 1.0}))
-    simulated = tmp_path / "simulated.yaml"
-    assert main(["vehicle", "new", "simulated", "--from", str(log), "--out", str(simulated)]) == 0
-    assert "docs/how-to/ardusub-sitl.yaml" in simulated.read_text()
     for words in ([], ["--vehicle", "bluerov2-heavy"]):
         capsys.readouterr()
         assert main(["identify", str(log), *words]) in (0, 1)
         told = " ".join(capsys.readouterr().err.split())
         assert "ArduPilot's simulator, whose thrust, levers and water are not those of bluerov2-heavy" in told
+        assert "`./hindrax vehicle new NAME --from LOG` makes the file of its vehicle" in told
     log.write_bytes(dataflash_of_yaw({"FRAME_CONFIG": 5.0}))
     assert main(["vehicle", "new", "other", "--from", str(log), "--out", str(tmp_path / "o.yaml")]) == 2
     told = " ".join(capsys.readouterr().err.split())

@@ -37,6 +37,11 @@ def optional_sensors() -> dict[str, dict[str, object]]:
     return found
 
 
+def simulated_vehicle() -> Path:
+    """Return the file of the vehicle that ArduSub's simulator has with `vectored_6dof`."""
+    return share_folder("config") / "ardusub-sitl.yaml"
+
+
 def hindrax_with(*names: str) -> Vehicle:
     """The Hindrax with some of the optional sensors on board."""
     data, optional = yaml.safe_load(default_vehicle().read_text(encoding="utf-8")), optional_sensors()

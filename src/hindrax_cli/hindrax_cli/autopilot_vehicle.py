@@ -19,7 +19,7 @@ from hindrax_core.vehicle import OF_OUTPUT, load_vehicle
 if TYPE_CHECKING:
     from hindrax_drivers.devices.ardupilot.link import Link
 
-DEVICE = "ardusub"
+DEVICE, ESTIMATOR = "ardusub", "ardusub_ekf"
 PATIENCE_S, TURN_S = 15.0, 0.05
 ALIGNED_S, LOOK_S = 60.0, 2.0
 """Time from its start in which an estimator with a GPS or DVL has a velocity, and the look at one that is older."""
@@ -185,13 +185,14 @@ def behind_autopilot(file: Path, address: str, *, aided: bool = True) -> tuple[P
     Returns
     -------
     tuple[Path, tuple[str, ...]]
-        The copy, which stays as long as this program, and the names of the sensors that were left out.
+        The copy, which stays as long as this program, and the names of the sensors that are on another line.
     """
     require_address(address)
     measured = aided and bool(load_vehicle(file).measuring("velocity"))
     data: dict[str, Any] = read_yaml(file.read_text(encoding="utf-8"), f"vehicle file {file}")
     before, output = data.get("sensors") or {}, data.get("output") or {}
-    kinds = OF_OUTPUT[DEVICE]
+    # A file may name the estimator, as that of the simulator does: it is none of velocity then either.
+    kinds = tuple(kind for kind in OF_OUTPUT[DEVICE] if aided or kind != ESTIMATOR)
     own = {name: {**one, "port": ""} for name, one in before.items() if one["device"] in kinds}
     have = {one["device"] for one in own.values()}
     wanted_kinds = zip(NAMES[: 1 + measured], kinds, strict=False)
@@ -208,4 +209,4 @@ def behind_autopilot(file: Path, address: str, *, aided: bool = True) -> tuple[P
     atexit.register(shutil.rmtree, copy.parent, ignore_errors=True)
     copy.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     load_vehicle(copy)
-    return copy, tuple(name for name in before if name not in own)
+    return copy, tuple(name for name, one in before.items() if one["device"] not in OF_OUTPUT[DEVICE])

@@ -176,6 +176,12 @@ def with_outputs(text: str, name: str, motors: Mapping[int, tuple[int, bool]]) -
     return "\n".join(lines) + "\n"
 
 
+def with_two_verticals(text: str) -> str:
+    """Make the simulator's `vectored` of the text of its `vectored_6dof`: two vertical thrusters, abeam."""
+    text = re.sub(r"^ *- \{name: T[78],.*\n", "", text, flags=re.MULTILINE)
+    return re.sub(r"(name: T[56],.*position_m: \[)[^,]+", r"\g<1>0.0", text)
+
+
 def with_autopilot(text: str, address: str, low_V: float) -> str:
     """Put a vehicle file of the box behind an ArduSub.
 

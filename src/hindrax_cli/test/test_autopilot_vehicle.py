@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.share_files import default_vehicle, vehicle_file
+from hindrax_bringup.share_files import default_vehicle, simulated_vehicle, vehicle_file
 from hindrax_cli import autopilot_vehicle
 from hindrax_cli.autopilot_vehicle import ask_autopilot, behind_autopilot
 from hindrax_cli.command_line import main
@@ -53,8 +53,13 @@ def test_a_file_without_a_dvl_gets_no_velocity(tmp_path: Path) -> None:
     assert not vehicle.measuring("velocity")
 
 
-def test_an_estimator_that_nothing_aids_is_left_out() -> None:
-    vehicle = load_vehicle(behind_autopilot(vehicle_file("bluerov2-heavy"), "tcp:127.0.0.1:5760", aided=False)[0])
+@pytest.mark.parametrize(
+    ("file", "elsewhere"), [(vehicle_file("bluerov2-heavy"), ("dvl75", "ping1d")), (simulated_vehicle(), ())]
+)
+def test_an_estimator_that_nothing_aids_is_left_out(file: Path, elsewhere: tuple[str, ...]) -> None:
+    copy, left_out = behind_autopilot(file, "tcp:127.0.0.1:5760", aided=False)
+    vehicle = load_vehicle(copy)
+    assert left_out == elsewhere
     assert tuple(vehicle.sensors) == ("autopilot",)
     assert flyable_motions(AXES, vehicle).flown == ("heave", "roll", "pitch", "yaw")
 

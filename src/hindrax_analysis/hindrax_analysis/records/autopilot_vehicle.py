@@ -38,7 +38,7 @@ PARAMETERS = (
 """All that a vehicle file takes from an autopilot."""
 OF_THE_SIMULATOR = (
     "by its SIM_ parameters it is ArduPilot's simulator, whose thrust, levers and water are not those of {kind}: "
-    "describe its vehicle as docs/how-to/ardusub-sitl.yaml does, which is that of vectored_6dof"
+    "`./hindrax vehicle new NAME --from LOG` makes the file of its vehicle"
 )
 """Sentence about a vehicle of the box in the simulator's place."""
 

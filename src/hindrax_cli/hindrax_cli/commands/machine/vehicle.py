@@ -9,7 +9,6 @@ from pathlib import Path
 
 from hindrax_analysis.records.autopilot_vehicle import (
     LOW_V,
-    OF_THE_SIMULATOR,
     PARAMETERS,
     PULSES_us,
     logged_parameters,
@@ -17,13 +16,13 @@ from hindrax_analysis.records.autopilot_vehicle import (
     wiring_of,
 )
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
-from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
+from hindrax_bringup.share_files import VEHICLE, own_vehicles, simulated_vehicle, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.autopilot_vehicle import asked_parameters, is_address
 from hindrax_cli.command import add_words, command, option
 from hindrax_cli.command_line import is_here
 from hindrax_cli.health_checks import Check
-from hindrax_cli.vehicle_edit import with_autopilot, with_outputs
+from hindrax_cli.vehicle_edit import with_autopilot, with_outputs, with_two_verticals
 from hindrax_cli.vehicle_questions import BACK, Answers, ask, file_text, kept_answers
 from hindrax_cli.vehicle_review import findings, picture, same_positions
 from hindrax_control.allocation.thrust_curve import thrust_curves
@@ -40,6 +39,12 @@ NO_OUTPUT = (
     "ten questions"
 )
 """What helps where the autopilot drives other motors than its frame has."""
+VECTORED = 1
+"""FRAME_CONFIG of six thrusters."""
+SIMULATED = (
+    "note: by its SIM_ parameters it is ArduPilot's simulator: the file describes the vehicle that it simulates; its "
+    "depth is by its first barometer: fly it with `--set autopilot.barometer:=1`"
+)
 ANSWERS_SUFFIX = ".answers"
 """Suffix of the file of answers that have not made a vehicle file yet."""
 
@@ -86,7 +91,10 @@ def _answers(file: Path) -> Answers:
 
 
 def _text_from(name: str, source: str) -> str:
-    """Vehicle file by the parameters of an ArduSub, in a log or at an address; hull and curves of a BlueROV2."""
+    """Vehicle file by the parameters of an ArduSub, in a log or at an address; hull and curves of a BlueROV2.
+
+    Of ArduPilot's simulator it is the one that this simulates, with hull, curves and sensors of its own.
+    """
     live = is_address(source) and not Path(source).is_file()
     if live:
         parameters: Mapping[str, float] = asked_parameters(source, PARAMETERS)
@@ -102,19 +110,21 @@ def _text_from(name: str, source: str) -> str:
             f"--from {source}: found {found}, wanted an ArduSub with the frame 1 (vectored) or 2 (vectored 6DOF),"
             f" or a log of one that holds its parameters, as every .bin does; {remedy}"
         )
-    file = vehicle_file(wiring.kind)
-    wired(load_vehicle(file), wiring, NO_OUTPUT)
+    text = (simulated_vehicle() if wiring.simulated else vehicle_file(wiring.kind)).read_text(encoding="utf-8")
+    if wiring.simulated and wiring.frame == VECTORED:
+        text = with_two_verticals(text)
+    wired(vehicle_from_text(text, wiring.kind), wiring, NO_OUTPUT)
     low_us, high_us = (round(parameters.get(one, usual)) for one, usual in PULSES_us.items())
+    hull = f"as of a {wiring.kind} when sold: weigh yours as it flies, and correct mass_kg and volume_m3"
     head = (
         f"# Frame, outputs and senses of the thrusters by {source if live else Path(source).name}; hull, water and\n"
-        f"# curves are as of a {wiring.kind} when sold: weigh yours as it flies, and correct mass_kg and volume_m3.\n"
+        f"# curves are {'those of the simulator, which it is by its SIM_ parameters' if wiring.simulated else hull}.\n"
     )
     if (low_us, high_us) != tuple(PULSES_us.values()):
         head += f"# The autopilot gives pulses from {low_us} to {high_us} us only (MOT_PWM_MIN and MOT_PWM_MAX).\n"
     if wiring.simulated:
-        print_stderr(f"note: {OF_THE_SIMULATOR.format(kind=wiring.kind)}")
-        head += "# It is ArduPilot's simulator, whose vehicle is another: see docs/how-to/ardusub-sitl.yaml.\n"
-    text = with_outputs(file.read_text(encoding="utf-8"), name, wiring.motors)
+        print_stderr(SIMULATED)
+    text = with_outputs(text, name, wiring.motors)
     return head + with_autopilot(text, source if live else "", parameters.get(LOW_V, 0.0))
 
 
