@@ -174,7 +174,7 @@ def test_a_start_that_diverges_is_replaced_by_the_prior(fit: OutputErrorFit) -> 
         assert theta is PRIOR.values
         # Its initial conditions are fitted as well.
         assert np.abs(linear.start[:, :, 0]).max() < 1e-3
-    with pytest.raises(ValueError, match="the simulation diverges from both the start and the prior"):
+    with pytest.raises(ValueError, match="no motion follows from its forces with any usual drag"):
         _feasible_start(problem, unknown, path, white, Prior(diverging, PRIOR.sigmas))
 
 

@@ -25,8 +25,9 @@ JUMP = 0.2
 HALF_WINDOW = 3
 OUTLIER_SIGMAS, OUTLIER_SPAN = 6.0, 0.25
 """Least distance of an outlier from the running median: deviations of the noise, and share of the span of 90 %."""
-MOST_OUTLIERS = 0.05
-"""Share of outliers above which they are the signal."""
+MOST_OUTLIERS, MOST_ALONE, MOST_BESIDE = 0.05, 0.2, 0.4
+"""Share of outliers above which they are the signal; of those that stand alone, as no motion does; and the share with
+another next to it up to which they do."""
 SHORT_STEP, MOST_SHORT = 0.2, 0.4
 """A step below this share of the mean is one within a burst; share of such steps that makes a record one of bursts."""
 GAP_STEPS, GAP_S = 5.0, 1.0
@@ -130,7 +131,9 @@ def _outliers(v: Array) -> Flags:
     low, high = np.quantile(v, (0.05, 0.95))
     limit = max(OUTLIER_SIGMAS * 1.4826 * float(np.median(off)), OUTLIER_SPAN * float(high - low))
     found: Flags = off > limit
-    return found if limit > 0.0 and found.mean() <= MOST_OUTLIERS else np.zeros(len(v), dtype=bool)
+    beside = found & (np.append(found[1:], False) | np.append(False, found[:-1]))
+    most = MOST_ALONE if beside.sum() <= MOST_BESIDE * found.sum() else MOST_OUTLIERS
+    return found if limit > 0.0 and found.mean() <= most else np.zeros(len(v), dtype=bool)
 
 
 def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:

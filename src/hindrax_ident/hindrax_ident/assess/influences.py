@@ -704,7 +704,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "masses of other axes", "sigma", RUN,
         lambda case: 1.0 if case.record.coriolis_errors else 0.0, _coriolis,
-        Remedy("fly surge, sway and heave in the same run"), considered=True,
+        Remedy("hold the other axes meanwhile, or fly surge, sway and heave longer in the same run"), considered=True,
     ),
     Influence(
         "tilt of the accelerometer", "rad", RUN,

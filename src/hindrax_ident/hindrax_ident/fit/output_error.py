@@ -335,7 +335,10 @@ def _feasible_start(
             begun = restarted(problem, linear, np.zeros(len(theta)))
             again = linearize(problem, theta, begun, white, refinements=refinements)
             return theta, again or linear
-    raise ValueError("the simulation diverges from both the start and the prior")
+    raise ValueError(
+        "no motion follows from its forces with any usual drag: check their units and signs and the vehicle file, "
+        "or fly it while the other axes are held"
+    )
 
 
 def _deviations(problem: OutputErrorProblem, linear: LinearizedProblem) -> tuple[float, float]:
