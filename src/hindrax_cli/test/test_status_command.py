@@ -4,6 +4,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,7 +18,9 @@ from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, UP, StackLock, announced
 from hindrax_cli.command_line import main
+from hindrax_cli.commands.operate import status as status_command
 from hindrax_cli.commands.operate import view
+from hindrax_cli.commands.operate.status import StackStatus
 from hindrax_cli.commands.operate.view import kept_token
 from hindrax_core.errors import HindraxError
 from hindrax_operator import connection
@@ -104,6 +107,20 @@ def test_a_pool_test_states_itself_what_it_does(capsys: pytest.CaptureFixture[st
         }
         assert main(["status"]) == 0
         assert "runs/a/bag" in capsys.readouterr().out
+
+
+def test_what_is_wrong_stands_below_the_table_and_costs_no_column(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A single dead DVL made 34 lines of a screen of 80 columns, and took the age."""
+    wrong = [f"{name}: no reading for 28.0 s; no such port; check cable and power" for name in ("dvl75", "pilot")]
+    rows = [StackStatus(1, "up", "hindrax (mock)", "83", "disarmed", 42.0, "; ".join(wrong * 2))]
+    status_command._show([*rows, StackStatus(2, "up", "bluerov2", "84", "armed", 7.0)])
+    said = capsys.readouterr().out
+    assert re.search(r"1 +│ up .* 42 │ below", said)
+    assert re.search(r"2 +│ up .* 7 │ ok", said)
+    assert "1: dvl75: no reading" in said
+    assert said.count("check cable and") == 4
 
 
 def test_what_waits_for_a_tether_is_listed_too(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,8 +3,9 @@
 import argparse
 import time
 from dataclasses import asdict, dataclass
+from functools import partial
 
-from hindrax_analysis.terminal import print_answer, print_table, working
+from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks, vehicle_name
@@ -16,7 +17,8 @@ from hindrax_core.text.screen_text import print_fitted
 THRUSTERS_S, DIAGNOSTICS_S = 3.0, 1.5
 """Longest wait for the state of the thrusters, and time in which every node reports once."""
 WELL = "ok"
-UNKNOWN = "unknown"
+UNKNOWN, ILL = "unknown", "below"
+"""Of the thrusters of a stack that does not answer; of a health that is told below the table."""
 
 
 @dataclass(slots=True)
@@ -92,5 +94,18 @@ def _ask(stack: StackLock, made: StackStatus) -> None:
 def _show(rows: list[StackStatus]) -> None:
     headings = ["stack", "command", "vehicle", "ROS domain", "thrusters", "age [s]"]
     ages = ["" if one.age_s is None else f"{one.age_s:.0f}" for one in rows]
-    cells = [list((asdict(one) | {"age_s": age}).values()) for one, age in zip(rows, ages, strict=True)]
-    print_table("", headings[:3], headings[3:], cells, ["health", "bag"], spare=["age [s]", "bag"])
+    healths = [WELL if one.health == WELL else ILL for one in rows]
+    cells = [
+        list((asdict(one) | {"age_s": age, "health": health}).values())
+        for one, age, health in zip(rows, ages, healths, strict=True)
+    ]
+    wrong = [one for one in rows if one.health != WELL]
+
+    def way(*, whole: bool) -> None:
+        print_table("", headings[:3], headings[3:], cells, ["health", "bag"], spare=["age [s]", "bag"])
+        for one in wrong:
+            print_fitted(f"{one.stack}: {one.health if whole else one.health.partition('; ')[0]}")
+        if wrong and not whole:
+            print_fitted("(no room here for the rest; --json has it)")
+
+    print_what_fits(partial(way, whole=True), partial(way, whole=False))
