@@ -18,6 +18,7 @@ MASS: Units = (("grams", 1e-3),)
 VOLUME: Units = (("litres", 1e-3), ("cubic centimeters", 1e-6))
 LENGTH: Units = (("centimeters", 1e-2), ("millimeters", 1e-3), ("inches", 0.0254))
 FORCE: Units = (("grams of force", 1e-3 * GRAVITY_mps2), ("kilograms of force", GRAVITY_mps2))
+INERTIA: Units = (("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6))
 ANGLE: Units = (("radians", math.degrees(1.0)),)
 EMPTIEST = 0.02
 """Volume of a hull over that of its box: 0.14 for the Hindrax, 0.3 for a BlueROV2, 1 for a box."""
@@ -25,6 +26,8 @@ SLIMMEST = 20.0
 """Longest side of a hull over its shortest: 9 for a torpedo-shaped AUV."""
 OUTSIDE = 1.5
 """Position over half the envelope beyond which unit or origin is implausible."""
+INERTIA_BOUNDS = (0.05, 6.0)
+"""Moment of inertia over that of a homogeneous prism: 3 with all mass in the corners of its box, more with water."""
 PULL_AT_MOST = 0.5
 """Net buoyancy over weight beyond which it is not that of a vehicle which thrusters hold."""
 THRUST = (0.01, 5.0)
@@ -100,6 +103,26 @@ def thrust_objection(thrust_N: float, weight_N: float) -> Coded[Implausible]:
 def outside(position_m: Sequence[float], size_m: Sequence[float]) -> bool:
     """Whether a position from the center of the envelope is far outside of it."""
     return any(abs(at) > 0.5 * OUTSIDE * size for at, size in zip(position_m, size_m, strict=True))
+
+
+def inertia_remedy(vehicle: Vehicle) -> str:
+    """What to correct where moments of inertia are not those of a body in its box; empty when they are, or are none."""
+    if vehicle.inertia_kgm2 is None:
+        return ""
+    x, y, z = (side * side for side in vehicle.envelope_m)
+    prism = [vehicle.mass_kg / 12.0 * squares for squares in (y + z, z + x, x + y)]
+
+    def fits(values: Sequence[float]) -> bool:
+        low, high = INERTIA_BOUNDS
+        inside = all(low * one <= value <= high * one for value, one in zip(values, prism, strict=True))
+        # None is larger than the other two together: they are sums of y^2 + z^2, z^2 + x^2 and x^2 + y^2.
+        return inside and 2.0 * max(values) <= 1.05 * sum(values)
+
+    if fits(vehicle.inertia_kgm2):
+        return ""
+    meant = likely_unit(vehicle.inertia_kgm2, INERTIA, fits)
+    usual = " ".join(f"{one:.2g}" for one in prism)
+    return f"check inertia_kgm2{f': likely {meant}' if meant else ''}; of a homogeneous box: {usual}"
 
 
 def mount_outside(position_m: Vec3, size_m: Vec3) -> bool:

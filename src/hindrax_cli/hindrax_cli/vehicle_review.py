@@ -7,6 +7,7 @@ from hindrax_cli.health_checks import Check
 from hindrax_cli.vehicle_plausibility import (
     FORCE,
     hull_remedy,
+    inertia_remedy,
     likely_unit,
     mount_outside,
     outside,
@@ -68,12 +69,17 @@ def _body(vehicle: Vehicle) -> list[Check]:
     remedy = "" if abs(net_N) <= FLOATS_AT_MOST * weight_N else "weigh it again, dry and under water"
     arm_m = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]
     upright = "" if arm_m > 0.0 else "put center_of_buoyancy_m above center_of_mass_m: z is down"
+    centers = ("center_of_mass_m", "center_of_buoyancy_m")
+    far = [name for name in centers if outside(getattr(vehicle, name), vehicle.envelope_m)]
+    upright = f"outside of the envelope: check unit and origin of {' and '.join(far)}" if far else upright
+    inertia = "{:.3g} {:.3g} {:.3g} kg m^2".format(*vehicle.inertia)
     filled = vehicle.volume_m3 / math.prod(vehicle.envelope_m)
     displaced = f"{volume_text(vehicle.volume_m3)} displaced, {filled:.2g} of its box"
     return [
         Check("hull", displaced, hull_remedy(vehicle)),
         Check("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", remedy),
         Check("righting arm", f"{1e3 * arm_m:.0f} mm", upright),
+        Check("inertia", inertia, inertia_remedy(vehicle)),
     ]
 
 

@@ -329,6 +329,32 @@ def test_numbers_that_do_not_fit_each_other_fail_the_check(
     assert checks[name].startswith(remedy)
 
 
+@pytest.mark.parametrize(
+    ("inertia", "remedy"),
+    [
+        ((160.0, 160.0, 165.0), "likely g m^2: 0.16 0.16 0.165"),
+        ((1600.0, 1600.0, 1650.0), "likely kg cm^2: 0.16 0.16 0.165"),
+        ((0.4, 0.1, 0.16), "check inertia_kgm2; of a homogeneous box: 0.17 0.26 0.31"),
+    ],
+)
+def test_moments_of_inertia_that_no_body_has_fail_the_check(inertia: tuple[float, ...], remedy: str) -> None:
+    (found,) = (
+        one.remedy
+        for one in findings(changed(mass_kg=11.5, envelope_m=(0.457, 0.338, 0.254), inertia_kgm2=inertia))
+        if one.name == "inertia"
+    )
+    assert remedy in found
+
+
+def test_a_negative_moment_of_inertia_is_refused_and_a_center_far_outside_is_named() -> None:
+    with pytest.raises(UsageError, match=r"inertia_kgm2\[0\]: found -0\.1, wanted"):
+        vehicle_from_text(
+            "name: x\nmass_kg: 9\nvolume_m3: 0.01\nenvelope_m: [1, 1, 1]\ninertia_kgm2: [-0.1, 1, 1]", "x"
+        )
+    remedies = [one.remedy for one in findings(changed(center_of_buoyancy_m=(0.0, 0.0, -1.0)))]
+    assert "outside of the envelope: check unit and origin of center_of_buoyancy_m" in remedies
+
+
 def test_a_limit_below_what_the_thrusters_reach_is_reported() -> None:
     """Its own 60 N in surge are more than it reaches, and a limit on the reach takes nothing."""
     reach = largest_wrench(load_vehicle(default_vehicle()))

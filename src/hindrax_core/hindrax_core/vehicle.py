@@ -283,7 +283,7 @@ class Vehicle:
     curves: Mapping[str, Curve] = block(dict, "thrust curves by name, see below")
     thrust_gain: Mapping[str, AxisGain] = block(dict, "gain of the thrust by axis, as `./hindrax weigh` writes it")
     hydrodynamics: Hydrodynamics | None = knob(None, meaning="estimate: prior for plans, truth for the mock")
-    inertia_kgm2: Vec3 | None = knob(None, meaning="moments of inertia; none: of a homogeneous prism [kg m^2]")
+    inertia_kgm2: Vec3 | None = knob(None, 1e-6, 1e8, "moments of inertia; none: of a homogeneous prism [kg m^2]")
     center_of_mass_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of mass from the body origin [m]")
     center_of_buoyancy_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of buoyancy from the body origin [m]")
     depth_rating_m: float = knob(60.0, 0.0, 12000.0, "depth rating [m]")
@@ -293,7 +293,7 @@ class Vehicle:
     supply_ohm: float | None = knob(
         None, 0.0, 10.0, "resistance of battery, cables and plugs, by which the supply sags under load [ohm]"
     )
-    projected_areas_m2: Vec3 | None = knob(None, meaning="seen along x, y, z; for estimates from geometry [m^2]")
+    projected_areas_m2: Vec3 | None = knob(None, 1e-4, 2500.0, "seen along x, y, z; for estimates from geometry [m^2]")
     losses: bool = knob(
         True, meaning="water, supply and tether take thrust that no curve has; false: none do, as in a simulator"
     )
