@@ -198,6 +198,10 @@ def test_a_plant_without_losses_is_not_corrected_for_any(flown: AxisFit) -> None
     simulated = replace(flown, vehicle=replace(flown.vehicle, losses=False))
     named = [{row.name for row, _ in acting(one)} for one in (flown, simulated)]
     assert named[0] - named[1] == {row.name for row in INFLUENCES if row.loss}
+    (load,) = (
+        replace(row, sigma=lambda _: 0.03) for row in INFLUENCES if row.name == "losses that change with the load"
+    )
+    assert [bool(acting(one, (load,))) for one in (flown, simulated)] == [True, False]
     assert named[1] < named[0]
     pool = array([-1e3, -1e3, -1e3, 0.0])
     of_drag = np.array([flown.speed**2, flown.speed, 0.0, 0.0])

@@ -740,5 +740,7 @@ INFLUENCES: tuple[Influence, ...] = (
 
 def acting(case: AxisFit, rows: Sequence[Influence] = INFLUENCES) -> list[tuple[Influence, float]]:
     """Rows that can act on a case, with their prior standard deviations in their units."""
-    known = [(row, row.sigma(case)) for row in rows if case.vehicle.losses or not row.loss]
+    # What changes a loss goes with it: a plant without losses has none that change with the load.
+    there = (row for row in rows if case.vehicle.losses or not (row.loss or row.usual_cause == "losses"))
+    known = [(row, row.sigma(case)) for row in there]
     return [(row, sigma) for row, sigma in known if sigma > 0.0 and math.isfinite(sigma)]
