@@ -306,4 +306,7 @@ def _messages(path: Path) -> Iterator[Any]:
         while (message := log.recv_match(type=[*FIELDS, *PARAMETERS])) is not None:
             yield message
     except Exception as error:  # pymavlink raises plain ones on garbage
-        raise UsageError(f"{path}: is no log of ArduPilot that pymavlink can read ({error!r})") from error
+        why = type(error).__name__
+        raise UsageError(
+            f"{path}: is no log of ArduPilot, or is cut off ({why} of pymavlink); copy it again"
+        ) from error
