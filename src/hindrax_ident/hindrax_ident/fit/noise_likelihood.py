@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +48,15 @@ OTHERS = np.linspace(-2.0, 2.0, 21)
 """Candidate variances of the other channel, in decades about the last one."""
 
 
+class _Candidate(NamedTuple):
+    """The three unknowns of the module's head, and the most likely variance of the main channel with them."""
+
+    ratio: float
+    part: float
+    other: float
+    variance: float
+
+
 def fit_noise(chain: ErrorDynamics, residual: Array, before: Noise, *, given_position: bool = False) -> Noise:
     """Most likely split of a residual into measurement noise and unknown force.
 
@@ -71,13 +81,12 @@ def fit_noise(chain: ErrorDynamics, residual: Array, before: Noise, *, given_pos
     main = _main(chain)
     both = bool(np.any(chain.channel != main)) and not given_position
     pieces = _Pieces(chain, residual, main)
-    other = math.log10(before.position / before.velocity)
-    ratio, part = _ratio_and_part(pieces, other)
+    best = _ratio_and_part(pieces, math.log10(before.position / before.velocity))
     if both:
-        *_, other = _best(pieces, [ratio], [part], other + OTHERS)
-        ratio, part = _ratio_and_part(pieces, other)
-        *_, other = _best(pieces, [ratio], [part], other + OTHERS)
-    found = pieces.noise(ratio, part, other)
+        best = _best(pieces, [best.ratio], [best.part], best.other + OTHERS)
+        best = _ratio_and_part(pieces, best.other)
+        best = _best(pieces, [best.ratio], [best.part], best.other + OTHERS)
+    found = pieces.noise(best)
     return replace(found, position=before.position) if given_position and main == 0 else found
 
 
@@ -86,21 +95,23 @@ def _main(chain: ErrorDynamics) -> int:
     return int(not np.any(chain.channel == 0))
 
 
-def _ratio_and_part(pieces: _Pieces, other: float) -> tuple[float, float]:
+def _ratio_and_part(pieces: _Pieces, other: float) -> _Candidate:
     """Search the whole range, then refine around the best."""
-    ratio, part, _ = _best(pieces, np.linspace(*DECADES, 11), np.linspace(0.0, 1.0, 3), [other])
+    best = _best(pieces, np.linspace(*DECADES, 11), np.linspace(0.0, 1.0, 3), [other])
     for half, points, half_part, points_part in ZOOMS:
-        ratios = np.clip(ratio + np.linspace(-half, half, points), *DECADES)
-        parts = np.clip(part + np.linspace(-half_part, half_part, points_part), 0.0, 1.0)
-        ratio, part, _ = _best(pieces, ratios, parts, [other])
-    return ratio, part
+        ratios = np.clip(best.ratio + np.linspace(-half, half, points), *DECADES)
+        parts = np.clip(best.part + np.linspace(-half_part, half_part, points_part), 0.0, 1.0)
+        # At an end of the range, where the best often lies, several become one.
+        best = _best(pieces, np.unique(ratios), np.unique(parts), [other])
+    return best
 
 
-def _best(pieces: _Pieces, ratios: ArrayLike, parts: ArrayLike, others: ArrayLike) -> tuple[float, float, float]:
+def _best(pieces: _Pieces, ratios: ArrayLike, parts: ArrayLike, others: ArrayLike) -> _Candidate:
     """Most likely of all combinations, in the units of `_Pieces.scores`."""
     ratio, part, other = (one.ravel() for one in np.meshgrid(ratios, parts, others, indexing="ij"))
-    best = int(np.argmin(pieces.scores(ratio, part, other)[0]))
-    return float(ratio[best]), float(part[best]), float(other[best])
+    scores, variances = pieces.scores(ratio, part, other)
+    best = int(np.argmin(scores))
+    return _Candidate(float(ratio[best]), float(part[best]), float(other[best]), float(variances[best]))
 
 
 def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thrusts: Array) -> tuple[Array, Array]:
@@ -226,10 +237,9 @@ class _Pieces:
         diverged = ~np.isfinite(log)
         return np.where(diverged, np.inf, squared), np.where(diverged, np.inf, log), int(self._counts.sum())
 
-    def noise(self, ratio: float, part: float, other: float) -> Noise:
+    def noise(self, found: _Candidate) -> Noise:
         """Noise of these unknowns, scaled to the residuals."""
-        _, sizes = self.scores(np.array([ratio]), np.array([part]), np.array([other]))
-        size = max(1e-18, float(sizes[0]))
-        total = 0.0 if ratio <= DECADES[0] else size * 10.0**ratio
-        position = size * 10.0**other if self._main == 0 else size
-        return Noise(size, position, total * (1.0 - part), total * part / self.mean_thrust)
+        size = max(1e-18, found.variance)
+        total = 0.0 if found.ratio <= DECADES[0] else size * 10.0**found.ratio
+        position = size * 10.0**found.other if self._main == 0 else size
+        return Noise(size, position, total * (1.0 - found.part), total * found.part / self.mean_thrust)
