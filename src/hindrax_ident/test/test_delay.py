@@ -124,7 +124,7 @@ def test_more_latency_is_less_of_the_force_at_the_end(lag_s: float) -> None:
     found = latency_impulse(record, grid_of(times))
     assert found[:, 0] == pytest.approx(-np.diff(force, prepend=0.0))
     assert np.array_equal(
-        delay_impulses(record, grid_of(times)), np.hstack([lag_impulse(record, grid_of(times)), found])
+        delay_impulses(record, grid_of(times), record.lagged()), np.hstack([lag_impulse(record, grid_of(times)), found])
     )
 
 
@@ -182,7 +182,9 @@ def test_delays_of_the_unknowns_are_those_of_the_record(late: Record) -> None:
     search = search_of(late)
     record = replace(late, lag_s=0.2, latency_s=0.06)
     problem = build_problem(SURGE, record)
-    direct = linearize(problem, AT[:4], problem.guess, lambda table: table, delay_impulses(record, problem.grid))
+    direct = linearize(
+        problem, AT[:4], problem.guess, lambda table: table, delay_impulses(record, problem.grid, record.lagged())
+    )
     assert direct is not None
     found = linear_at(search, AT)
     assert found.raw == pytest.approx(direct.raw, abs=1e-12)
@@ -348,7 +350,7 @@ def test_delays_that_are_accepted_stay(late: Record) -> None:
 def test_the_delays_of_a_fit_are_between_what_it_shows_and_what_is_accepted(late: Record, sigma_s: float) -> None:
     record, fit = fit_with_delays(late, PRIOR.values, SURGE, PRIOR, sigma_s)
     delays = np.array([record.lag_s, record.latency_s])
-    reported = score(fit, delay_impulses(record, fit.problem.grid))
+    reported = score(fit, delay_impulses(record, fit.problem.grid, record.lagged()))
     # Where the slope of both together is nothing, nothing more is to be gained.
     precision = reported.information + np.eye(2) / sigma_s**2
     further = np.linalg.solve(

@@ -51,21 +51,35 @@ SEARCHED_S = 600.0
 
 def lag_impulse(record: Record, grid: Grid) -> Array:
     """Change of the impulse over each step per second of lag: (n, 1) [N, N m]."""
-    times = grid.times_s - record.latency_s
-    slower = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s + SMALL_S).impulse(times)
-    as_is = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s).impulse(times)
-    return per_step(((slower - as_is) / SMALL_S)[:, None], grid.starts)
+    return delay_impulses(record, grid, record.lagged())[:, :1]
 
 
 def latency_impulse(record: Record, grid: Grid) -> Array:
     """Change of the impulse over each step per second of latency: (n, 1) [N, N m]."""
-    thrust = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s).force(grid.times_s - record.latency_s)
-    return per_step(-thrust[:, None], grid.starts)
+    return delay_impulses(record, grid, record.lagged())[:, 1:]
 
 
-def delay_impulses(record: Record, grid: Grid) -> Array:
-    """Columns `lag_impulse` and `latency_impulse`: (n, 2) [N, N m]."""
-    return np.hstack([lag_impulse(record, grid), latency_impulse(record, grid)])
+def delay_impulses(record: Record, grid: Grid, thrust: LaggedThrust) -> Array:
+    """Both columns at once, as a search of both delays needs them.
+
+    Parameters
+    ----------
+    record
+        With the delays.
+    grid
+        Of n steps.
+    thrust
+        Of the record, after its lag.
+
+    Returns
+    -------
+    Array
+        (n, 2) [N, N m]: `lag_impulse`, `latency_impulse`.
+    """
+    times = grid.times_s - record.latency_s
+    slower = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s + SMALL_S).impulse(times)
+    by_lag = (slower - thrust.impulse(times)) / SMALL_S
+    return per_step(np.stack([by_lag, -thrust.force(times)], axis=1), grid.starts)
 
 
 def prior_delays(record: Record) -> Array:
@@ -135,6 +149,7 @@ class _Search:
         """`sigma_s`: prior deviation of lag and latency; `usual_s`: their values, (2,), by default for the record."""
         self._problem, self._record, self._size = problem, record, len(prior.values)
         self._whitener = whitener
+        self._known_impulse = record.known_impulse(problem.grid.times_s)
         self._mean = np.concatenate([prior.values, prior_delays(record) if usual_s is None else usual_s])
         self._information = np.concatenate([1.0 / prior.sigmas**2, np.full(2, 1.0 / sigma_s**2)])
 
@@ -180,9 +195,11 @@ class _Search:
     def _at(self, x: Array, path: Trajectory, weigh: Callable[[Array], Array]) -> LinearizedProblem | None:
         record = replace(self._record, lag_s=float(x[-2]), latency_s=float(x[-1]))
         grid = self._problem.grid
-        moved = replace(grid, impulse=per_step(record.impulse(grid.times_s), grid.starts))
-        problem = replace(self._problem, grid=moved)
-        return linearize(problem, x[: self._size], path, weigh, delay_impulses(record, grid)) if x[MASS] > 0.0 else None
+        thrust = record.lagged()
+        impulse = thrust.impulse(grid.times_s - record.latency_s) + self._known_impulse
+        problem = replace(self._problem, grid=replace(grid, impulse=per_step(impulse, grid.starts)))
+        columns = delay_impulses(record, grid, thrust)
+        return linearize(problem, x[: self._size], path, weigh, columns) if x[MASS] > 0.0 else None
 
     def _sigmas_s(self, linear: LinearizedProblem | None) -> tuple[float, float]:
         """Standard deviations of lag and latency, all other unknowns as uncertain as they are [s]."""

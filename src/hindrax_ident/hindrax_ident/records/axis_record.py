@@ -99,14 +99,21 @@ class Record:
         """Velocities and positions measured within a span."""
         return self.velocity.between(span.start_s, span.end_s), self.position.between(span.start_s, span.end_s)
 
+    def lagged(self) -> LaggedThrust:
+        """Thrust after its lag, by the time of its own stamps."""
+        return LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s)
+
     def impulse(self, at_s: Array) -> Array:
         """Impulse of thrust after its lag and of known forces, up to each time: (n,) [N s, N m s]."""
-        thrust = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).impulse(at_s - self.latency_s)
-        return thrust + sum(part.impulse(at_s) for part in self._measured())
+        return self.lagged().impulse(at_s - self.latency_s) + self.known_impulse(at_s)
+
+    def known_impulse(self, at_s: Array) -> Array:
+        """Impulse of known forces up to each time, whatever the delays: (n,) [N s, N m s]."""
+        return sum((part.impulse(at_s) for part in self._measured()), start=np.zeros(len(at_s)))
 
     def force(self, at_s: Array) -> Array:
         """Thrust after its lag and known forces: (n,) [N, N m]."""
-        thrust = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).force(at_s - self.latency_s)
+        thrust = self.lagged().force(at_s - self.latency_s)
         return array(thrust + sum(part.force(at_s) for part in self._measured()))
 
     def _measured(self) -> list[LaggedThrust]:
