@@ -20,7 +20,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
-from hindrax_core.events import EARLIEST, Stamp, Stamped, after
+from hindrax_core.events import EARLIEST, Stamp, Stamped, after, stamp_from_s
 from hindrax_core.readings import BottomVelocity, Pressure, Vec3, Vec6
 from hindrax_core.rotation import cross, matrix, minus, rotate
 from hindrax_core.sensor_table import Capability
@@ -66,11 +66,11 @@ class StampSorter(Generic[ReadingT]):
     machine; later arrivals are dropped and counted.
     """
 
-    __slots__ = ("_count", "_heap", "_newest", "_newest_of", "_released", "dropped", "lag_s", "wait_s")
+    __slots__ = ("_count", "_heap", "_lag_ns", "_newest", "_newest_of", "_released", "_wait_ns", "dropped")
 
     def __init__(self, wait_s: float, lag_s: float = 0.0) -> None:
         """`wait_s`: largest delay against measurements with neighboring stamps; `lag_s`: longest wait for a kind."""
-        self.wait_s, self.lag_s = wait_s, lag_s
+        self._wait_ns, self._lag_ns = stamp_from_s(wait_s), stamp_from_s(lag_s)
         self.dropped = 0
         self._heap: list[tuple[Stamp, int, str, int, Stamped[ReadingT]]] = []
         self._count = 0
@@ -101,9 +101,9 @@ class StampSorter(Generic[ReadingT]):
             self._newest = max(self._newest, stamp)
             self._newest_of[kind] = max(self._newest_of.get(kind, stamp), stamp)
         # A kind that is silent for longer is ignored: a lost sensor must not stop the others.
-        silent = after(self._newest, -self.lag_s)
+        silent = self._newest - self._lag_ns
         slowest = min((newest for newest in self._newest_of.values() if newest > silent), default=self._newest)
-        yield from self._until(min(slowest, after(self._newest, -self.wait_s)))
+        yield from self._until(min(slowest, Stamp(self._newest - self._wait_ns)))
 
     def flush(self) -> Iterator[Stamped[ReadingT]]:
         """Yield all waiting measurements."""
