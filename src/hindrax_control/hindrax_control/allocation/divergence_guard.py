@@ -88,7 +88,6 @@ class DivergenceGuard:
         count = len(self._names)
         self._thrust: Matrix = np.zeros(count)
         self._slow_thrust: Matrix = np.zeros(count)
-        self._slow_model: Matrix = np.zeros(3)
         self._slow_drag: Matrix = np.zeros(3)
         self._slow_righting: Matrix = np.zeros(3)
         self._slow_rates: Matrix | None = None
@@ -151,12 +150,11 @@ class DivergenceGuard:
         self._thrust = self._thrust + (forces_N - self._thrust) * -np.expm1(-dt / self._lags_s)
         keep = -math.expm1(-dt / self._knobs.filter_s)
         self._slow_thrust = self._slow_thrust + (self._thrust - self._slow_thrust) * keep
-        self._slow_model = self._slow_model + (upright - drag - self._slow_model) * keep
         self._slow_drag = self._slow_drag + (drag - self._slow_drag) * keep
         self._slow_righting = self._slow_righting + (upright - self._slow_righting) * keep
         momentum = self._inertia * (rates - self._slow_rates) / self._knobs.filter_s
         self._slow_rates = self._slow_rates + (rates - self._slow_rates) * keep
-        residual = momentum - self._slow_model - self._B @ self._slow_thrust
+        residual = momentum - (self._slow_righting - self._slow_drag) - self._B @ self._slow_thrust
         for known in (-self._slow_drag, self._slow_righting):
             residual = without_more(residual, known, self._knobs.known_times)
         return residual, momentum
