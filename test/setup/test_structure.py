@@ -31,9 +31,15 @@ FOLDERS = Counter(path.parent for path in SOURCES if path.name != "__init__.py")
 ROW = re.compile(r"^\| \[`src/(hindrax_\w+)`\]\(\S+\) \| (.*?) \| (\d+) \| .* \|$", re.MULTILINE)
 
 
+@functools.cache
+def syntax(source: Path) -> ast.Module:
+    """Syntax tree of a file, parsed once for all tests."""
+    return ast.parse(source.read_text(encoding="utf-8"))
+
+
 def imports(source: Path) -> Iterator[str]:
     """Dotted names that a file imports from packages of ours."""
-    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+    for node in ast.walk(syntax(source)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hindrax_"):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Import):
@@ -43,12 +49,11 @@ def imports(source: Path) -> Iterator[str]:
 @functools.cache
 def product() -> dict[str, tuple[str, ast.Module]]:
     """Text and syntax tree of each file that is installed, without helpers of tests."""
-    texts = {
-        str(source.relative_to(ROOT)): source.read_text(encoding="utf-8")
+    return {
+        str(source.relative_to(ROOT)): (source.read_text(encoding="utf-8"), syntax(source))
         for source in SOURCES
         if "src" in source.relative_to(ROOT).parts and "testing" not in source.parts
     }
-    return {name: (text, ast.parse(text)) for name, text in texts.items()}
 
 
 def lines_with(found: Callable[[ast.AST], bool]) -> list[str]:
@@ -85,7 +90,7 @@ def test_text_is_run_only_where_the_plan_says_so() -> None:
         name
         for source in SOURCES
         for name in [str(source.relative_to(ROOT))]
-        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        for node in ast.walk(syntax(source))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"exec", "eval"}
     }
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
@@ -149,7 +154,7 @@ def test_a_function_that_returns_arrays_names_their_shapes_where_they_are_looked
     found = [
         f"{source.relative_to(ROOT)}: {node.name}"
         for source in SOURCES
-        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        for node in ast.walk(syntax(source))
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and node.returns is not None
         if ARRAY.search(ast.unparse(node.returns))
         if not SHAPE.search(where_shapes_stand(ast.get_docstring(node) or ""))
@@ -159,7 +164,7 @@ def test_a_function_that_returns_arrays_names_their_shapes_where_they_are_looked
 
 def shown_texts(source: Path) -> Iterator[str]:
     """Texts of a file that may be shown: all but its docstrings."""
-    tree = ast.parse(source.read_text(encoding="utf-8"))
+    tree = syntax(source)
     unshown = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in unshown:
