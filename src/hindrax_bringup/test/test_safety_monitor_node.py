@@ -236,7 +236,7 @@ def test_the_link_is_reported_once_a_second_and_its_loss_at_once(make: Make) -> 
 
 def test_a_heartbeat_that_is_not_of_now_is_no_operator_is_reported_once_and_counted(make: Make) -> None:
     bench = make(HOLD)
-    why = "refused: operator/heartbeat: the heartbeat is {} s old, wanted at most 1.0 s; try again, and set the clocks"
+    why = "refused: operator/heartbeat: the heartbeat is {} s old, wanted at most 1.0 s; try again, and if"
     bench.beat(1.0, age_s=1.5)
     (found,) = bench.look(1.0)
     assert found.level == DiagnosticStatus.WARN

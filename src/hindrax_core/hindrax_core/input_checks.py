@@ -28,7 +28,7 @@ class StampFault(StrEnum):
 
 
 REMEDIES: Mapping[StampFault, str] = {
-    StampFault.EXPIRED: "try again, and set the clocks of both machines if that does not help",
+    StampFault.EXPIRED: "try again, and if that fails, relieve a busy computer or set the clocks of both machines",
     StampFault.FUTURE: "set the clocks of both machines",
     StampFault.UNSTAMPED: "stamp it with the time of the clock in use",
     StampFault.TIMELESS: "wait for the clock (/clock in mock) and try again",
