@@ -7,6 +7,7 @@ lower convex hull over the last minute, its height that of the least delayed sam
 (Moon, Skelly and Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999).
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -73,7 +74,9 @@ class Timebase:
     """Maps device ticks to ROS time; one per device clock.
 
     `tick_s` is the nominal length of a tick, `drift_ppm` the largest accepted error of its rate, `latency_s` the delay
-    that every sample has. `on_break` is called with each Break, from inside `map`, before it returns.
+    that every sample has. `on_break` is called with each Break, from inside `map`, before it returns. `even_s`: where
+    the arrival is a look at the clock before the sample is fetched, a process that waits for the processor in between
+    makes it too early; earlier by more than this counts only where the next sample is, too.
     """
 
     def __init__(
@@ -83,8 +86,10 @@ class Timebase:
         drift_ppm: float = 200.0,
         latency_s: float = 0.0,
         on_break: Callable[[Break], None] = lambda _: None,
+        even_s: float = math.inf,
     ) -> None:
         self._tick_ns = tick_s * NS_PER_S
+        self._even_ns, self._was_early = even_s * NS_PER_S, False
         self._on_break = on_break
         self._steepest = drift_ppm * 1e-6
         self.latency_ns = round(latency_s * NS_PER_S)
@@ -131,6 +136,11 @@ class Timebase:
         x = (ticks - self._ticks_0) * self._tick_ns
         y = arrival - self._arrival_0 - x
         late = y - self._height - self._slope * x
+        alone = -JUMP_ns <= late < -self._even_ns and not self._was_early
+        self._was_early = late < -self._even_ns
+        if alone:
+            self._last = Stamp(max(self._last, arrival - self.latency_ns))
+            return self._last
         if late < self._least:
             self._least = late
             self._least_point = (x, y)
@@ -161,6 +171,7 @@ class Timebase:
         self._ticks_0 = self._ticks = ticks
         self._arrival_0 = self._arrival = arrival
         self._height = self._behind_ns = 0.0
+        self._was_early = False
         self._lowest.clear()
         self._late_since = None
         self._last = Stamp(min(self._last, arrival - self.latency_ns))

@@ -115,6 +115,16 @@ def test_samples_are_stamped_by_their_clock_not_by_the_wake_up(sensor: Icm20948,
     assert steps == pytest.approx([1 / 225.0] * len(steps), abs=1e-5)
 
 
+def test_a_fetch_that_waited_for_the_processor_makes_no_later_stamp_early(sensor: Icm20948, chip: Chip) -> None:
+    """The clock was read 18 ms before the FIFO: samples that came meanwhile seemed older than their fetch."""
+    for turn in range(1, 60):
+        chip.still(5)
+        fetched = after(START, 5 / 225.0 * turn)
+        newest = play(sensor.cycle(after(fetched, -0.018 if turn == 30 else 0.0)), chip)[-1].stamp
+        if turn > 30:
+            assert (fetched - newest) / 1e9 == pytest.approx(Icm20948Knobs().filter_delay_s, abs=1e-3)
+
+
 def test_a_host_clock_that_is_set_back_takes_the_stamps_with_it(sensor: Icm20948, chip: Chip) -> None:
     for turn in range(1, 20):
         chip.still(5)

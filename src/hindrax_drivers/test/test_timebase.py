@@ -157,6 +157,24 @@ def test_stamps_catch_up_with_lost_time_without_a_gap(lost_s: float) -> None:
     assert breaks[0].shift_s == pytest.approx(-lost_s, abs=1e-3)
 
 
+def test_a_single_arrival_that_is_too_early_makes_no_other_late() -> None:
+    """A process that waited for the processor between the clock and the bus made all stamps of 24 s too early."""
+    base = Timebase(1e-6, even_s=0.01)
+    for number in range(600):
+        taken = Stamp(START + number * 20 * MS)
+        arrival = Stamp(taken - (18 * MS if number == 300 else 0))
+        stamp = base.map(number * 20_000, arrival)
+        assert stamp == arrival, f"sample {number}"
+
+
+def test_arrivals_that_stay_earlier_are_followed() -> None:
+    base = Timebase(1e-6, even_s=0.01)
+    for number in range(600):
+        arrival = Stamp(START + number * 20 * MS - (18 * MS if number >= 300 else 0))
+        # The step is a drift as well, as far as that may go.
+        assert 0 <= arrival - base.map(number * 20_000, arrival) <= 3 * MS, f"sample {number}"
+
+
 def test_backlogs_are_not_taken_for_lost_time() -> None:
     breaks: list[Break] = []
     base = Timebase(1e-6, on_break=breaks.append)

@@ -27,6 +27,8 @@ FILL = 0.6
 
 LONGEST_GAP_ns = 0.25 * NS_PER_S
 LARGEST_DRIFT = 0.1
+EVEN_S = 0.01
+"""Fetches are even to two samples: one that is earlier by more began before its process was kept waiting."""
 
 Outputs = list[Stamped[Reading] | Rejected]
 Raw = tuple[int, int, int, int, int, int]
@@ -131,7 +133,9 @@ class SampleDecoder:
         self._rate_step = knobs.largest_rate_change_radps2 / knobs.rate_Hz / self._gyro_scale
         self._force_step = knobs.largest_force_change_mps3 / knobs.rate_Hz / self._accel_scale
         self._correction = None if correction.idle else correction
-        self._timebase = Timebase(1.0 / knobs.rate_Hz, drift_ppm=knobs.drift_ppm, latency_s=knobs.filter_delay_s)
+        self._timebase = Timebase(
+            1.0 / knobs.rate_Hz, drift_ppm=knobs.drift_ppm, latency_s=knobs.filter_delay_s, even_s=EVEN_S
+        )
         self._period_ns = NS_PER_S / knobs.rate_Hz
         self._edge_clock = EdgeClock(self._period_ns)
         self.by_edges = False
