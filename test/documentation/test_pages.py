@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from documentation.pages import PAGES, ROOT, Command, block_of, commands_of, links_of, paths_of
 
+from hindrax_bringup.share_files import simulated_vehicle
 from hindrax_cli import command_line
 from hindrax_cli.command_line import main
 from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
@@ -53,7 +54,7 @@ def test_every_path_is_there(page: Path) -> None:
 
 def test_the_file_of_ardusubs_simulator_has_its_thrust() -> None:
     """As its source has it: 51.48 N times the square of (pulse - 1500) / 400, none within 25 us."""
-    vehicle = load_vehicle(HOW_TO / "ardusub-sitl.yaml")
+    vehicle = load_vehicle(simulated_vehicle())
     assert vehicle.net_buoyancy_N == pytest.approx(10.5 / 16.755, rel=1e-3)
     for name_of, gain in (("horizontal", 2.0**0.5), ("vertical", 1.0)):
         curve = running(vehicle.curves[name_of])

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from pymavlink.dialects.v20 import ardupilotmega
 
+from hindrax_bringup.share_files import simulated_vehicle
 from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.driver_interface import Send, Trouble
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
@@ -37,7 +38,7 @@ from hindrax_drivers.protocols.mavlink import Decoder, MavlinkFrame
 from hindrax_sim.devices.ardupilot import firmware, wire
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
-SITL = Path(__file__).parents[3] / "docs/how-to/ardusub-sitl.yaml"
+SITL = simulated_vehicle()
 READ: dict[str, object] = {
     "attitude": Attitude(5000, (0.125, -0.25, 1.5), (0.5, -0.75, 0.0625)),
     "pressure": Barometer(5000, 2, 121325.0, 18.5),
