@@ -51,12 +51,12 @@ SEARCHED_S = 600.0
 
 def lag_impulse(record: Record, grid: Grid) -> Array:
     """Change of the impulse over each step per second of lag: (n, 1) [N, N m]."""
-    return delay_impulses(record, grid, record.lagged())[:, :1]
+    return per_step(_by_lag(record, grid, record.lagged())[:, None], grid.starts)
 
 
 def latency_impulse(record: Record, grid: Grid) -> Array:
     """Change of the impulse over each step per second of latency: (n, 1) [N, N m]."""
-    return delay_impulses(record, grid, record.lagged())[:, 1:]
+    return per_step(_by_latency(record, grid, record.lagged())[:, None], grid.starts)
 
 
 def delay_impulses(record: Record, grid: Grid, thrust: LaggedThrust) -> Array:
@@ -76,10 +76,18 @@ def delay_impulses(record: Record, grid: Grid, thrust: LaggedThrust) -> Array:
     Array
         (n, 2) [N, N m]: `lag_impulse`, `latency_impulse`.
     """
+    columns = _by_lag(record, grid, thrust), _by_latency(record, grid, thrust)
+    return per_step(np.stack(columns, axis=1), grid.starts)
+
+
+def _by_lag(record: Record, grid: Grid, thrust: LaggedThrust) -> Array:
     times = grid.times_s - record.latency_s
-    slower = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s + SMALL_S).impulse(times)
-    by_lag = (slower - thrust.impulse(times)) / SMALL_S
-    return per_step(np.stack([by_lag, -thrust.force(times)], axis=1), grid.starts)
+    slower = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s + SMALL_S)
+    return (slower.impulse(times) - thrust.impulse(times)) / SMALL_S
+
+
+def _by_latency(record: Record, grid: Grid, thrust: LaggedThrust) -> Array:
+    return -thrust.force(grid.times_s - record.latency_s)
 
 
 def prior_delays(record: Record) -> Array:
