@@ -5,6 +5,7 @@ Bounds are wide: no vehicle from a hand-held ROV to one of the work class lies o
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
 
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -109,8 +110,7 @@ def inertia_remedy(vehicle: Vehicle) -> str:
     """What to correct where moments of inertia are not those of a body in its box; empty when they are, or are none."""
     if vehicle.inertia_kgm2 is None:
         return ""
-    x, y, z = (side * side for side in vehicle.envelope_m)
-    prism = [vehicle.mass_kg / 12.0 * squares for squares in (y + z, z + x, x + y)]
+    prism = replace(vehicle, inertia_kgm2=None).inertia
 
     def fits(values: Sequence[float]) -> bool:
         low, high = INERTIA_BOUNDS
