@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from web_rig import served
 
-from hindrax_analysis.identification.pool_session import PoolSession, Reached, Step, save
+from hindrax_analysis.identification.pool_session import PoolSession, Reached, Step, load, save
 from hindrax_operator.session_question import QUESTION_FILE, SessionQuestions, answer, asked
 from hindrax_operator.web.day import SessionOfTheDay
 
@@ -108,6 +108,30 @@ def test_the_page_shows_the_session_of_the_day_and_answers_it(tmp_path: Path) ->
         questions.close()
         gone = page.order("answer", number=question.number)
         assert gone == (409, "answer: no session asks that of a page, or not any more\n")
+
+
+def test_a_session_is_read_again_only_where_it_was_kept_since(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = list[Path]()
+
+    def noted(folder: Path) -> PoolSession:
+        read.append(folder)
+        return load(folder)
+
+    monkeypatch.setattr("hindrax_operator.web.day.LOOK_S", -1.0)
+    monkeypatch.setattr("hindrax_operator.web.day.load", noted)
+    day, page = tmp_path / "day", SessionOfTheDay(tmp_path)
+    day.mkdir()
+    save(PoolSession({"motions": ["surge"]}, ("tether", "legs 1")), day)
+    first = page.shown()
+    assert page.shown() == first
+    assert read == [day]
+    questions = SessionQuestions(day)
+    questions.ask(LOAD)
+    assert page.shown() != first, "what it asks is looked at each time"
+    questions.close()
+    save(PoolSession({"motions": ["surge"]}, ("tether", "legs 1"), (Step("tether"),)), day)
+    assert page.shown() != first
+    assert read == [day, day]
 
 
 def test_without_a_session_the_page_shows_none(tmp_path: Path) -> None:

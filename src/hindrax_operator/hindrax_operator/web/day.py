@@ -7,6 +7,7 @@ from pathlib import Path
 from hindrax_analysis.identification.pool_session import SESSION_FILE, PoolSession, drag_goal, load
 from hindrax_analysis.next_step import quoted_share
 from hindrax_core.errors import HindraxError
+from hindrax_core.events import NS_PER_S
 from hindrax_operator.session_question import answer, asked
 
 LOOK_S = 1.0
@@ -21,7 +22,8 @@ class SessionOfTheDay:
     def __init__(self, runs: Path) -> None:
         self._runs = runs
         self._looked_s = float("-inf")
-        self._folder: Path | None = None
+        self._kept: tuple[int, Path] | None = None
+        self._session: PoolSession | None = None
         self._shown: Mapping[str, object] | None = None
 
     def shown(self) -> Mapping[str, object] | None:
@@ -35,8 +37,7 @@ class SessionOfTheDay:
             `sentence` and `arms`, or None.
         """
         if time.monotonic() - self._looked_s >= LOOK_S:
-            self._folder = self._newest()
-            self._shown = None if self._folder is None else _shown(self._folder)
+            self._look()
             self._looked_s = time.monotonic()
         return self._shown
 
@@ -44,24 +45,37 @@ class SessionOfTheDay:
         """Answer the question of a number; False where no page may, or nobody asks it any more."""
         self._looked_s = float("-inf")
         self.shown()
-        return self._folder is not None and answer(self._folder, number)
+        return self._kept is not None and answer(self._kept[1].parent, number)
 
-    def _newest(self) -> Path | None:
+    def _look(self) -> None:
+        """Read the newest session again where it was kept since, and what it asks."""
+        newest = self._newest()
+        if newest != self._kept:
+            self._kept, self._session = newest, None if newest is None else _read(newest[1].parent)
+        self._shown = None
+        if newest is not None and self._session is not None:
+            self._shown = _shown(newest[1].parent, self._session)
+
+    def _newest(self) -> tuple[int, Path] | None:
+        """When the newest was kept [ns], and its file."""
         try:
             inside = self._runs.resolve(strict=True)
             # A link out of the folder of runs is not followed.
             files = [file for file in inside.glob(f"*/{SESSION_FILE}") if file.resolve() == file]
-            kept_s, newest = max((file.stat().st_mtime, file) for file in files)
+            newest = max((file.stat().st_mtime_ns, file) for file in files)
         except (OSError, ValueError):  # no runs yet, none of a session, or one that is being removed
             return None
-        return newest.parent if time.time() - kept_s < SHOWN_S else None
+        return newest if time.time() - newest[0] / NS_PER_S < SHOWN_S else None
 
 
-def _shown(folder: Path) -> Mapping[str, object] | None:
+def _read(folder: Path) -> PoolSession | None:
     try:
-        session = load(folder)
+        return load(folder)
     except HindraxError:  # damaged, or of another version: its own command says so
         return None
+
+
+def _shown(folder: Path, session: PoolSession) -> Mapping[str, object]:
     question = asked(folder)
     return {
         "name": folder.name,
