@@ -21,6 +21,16 @@ const make = (name, text, kind) => {
   if (kind) made.className = kind;
   return made;
 };
+/* A table of texts, one row below its headings for each of them; `kind` of a cell by its place and text. */
+const rowsOf = (headings, found, kind = () => "") => {
+  const head = make("tr");
+  head.append(...headings.map(heading));
+  return [head, ...found.map(cells => {
+    const row = make("tr");
+    row.append(...cells.map((text, index) => make("td", text, kind(index, text))));
+    return row;
+  })];
+};
 const heading = word => Object.assign(make("th", word), {scope: "col"});
 const draw = (name, attributes) => {
   const made = document.createElementNS(SVG, name);
@@ -516,13 +526,8 @@ function commissioning(update) {
 async function showProof() {
   const answer = await ask("commissioning").catch(() => null);
   if (!answer || !answer.ok) { proven = 0; return; }
-  const found = await answer.json(), head = make("tr");
-  head.append(...CLAIMS.map(heading));
-  at("claims").replaceChildren(head, ...found.rows.map(cells => {
-    const row = make("tr");
-    row.append(...cells.map((text, index) => make("td", text, index ? "many" : VERDICTS[text] || "soft")));
-    return row;
-  }));
+  const found = await answer.json();
+  at("claims").replaceChildren(...rowsOf(CLAIMS, found.rows, (index, text) => index ? "many" : VERDICTS[text] || "soft"));
   at("lines").textContent = found.lines.length ? "These lines go into the vehicle file; then restart the stack:"
     : "What is wrong or open: mend it, and commission again.";
   at("yaml").textContent = found.lines.join("\n");
@@ -547,13 +552,7 @@ function session(found) {
   say(at("asked"), !question ? "" : question.sentence + (question.arms ? "; then press Enter in the terminal: it arms" : ""));
   at("steps").replaceChildren(...steps.map(step => make("li", step.name + (step.remark ? ": " + step.remark : "") +
     (step.state === "next" ? " (next)" : step.state === "done" ? " \u2713" : ""), STEPS[step.state])));
-  const head = make("tr");
-  head.append(...["motion", "drag known to", "goal"].map(heading));
-  at("gained").replaceChildren(...(reached.length ? [head, ...reached.map(cells => {
-    const row = make("tr");
-    row.append(...cells.map(text => make("td", text)));
-    return row;
-  })] : []));
+  at("gained").replaceChildren(...(reached.length ? rowsOf(["motion", "drag known to", "goal"], reached) : []));
 }
 
 /* ---- reports */
@@ -579,14 +578,9 @@ async function listReports() {
 
 /* Motion, verdict, and drag at the highest speed. */
 function results(motions) {
-  const table = make("table"), head = make("tr");
-  head.append(...["motion", "verdict", "drag at the highest speed"].map(heading));
-  table.append(head, ...motions.map(one => {
-    const row = make("tr");
-    row.append(make("td", one.motion), make("td", one.verdict, one.verdict === "identified" ? "good" : "warn"),
-      make("td", one.drag.replace("+- ", "\u00b1"), "many"));
-    return row;
-  }));
+  const table = make("table"), cells = motions.map(one => [one.motion, one.verdict, one.drag.replace("+- ", "\u00b1")]);
+  table.append(...rowsOf(["motion", "verdict", "drag at the highest speed"], cells,
+    (index, text) => ["", text === "identified" ? "good" : "warn", "many"][index]));
   return table;
 }
 

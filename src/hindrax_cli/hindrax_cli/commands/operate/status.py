@@ -93,13 +93,12 @@ def _ask(stack: StackLock, made: StackStatus) -> None:
 
 def _show(rows: list[StackStatus]) -> None:
     headings = ["stack", "command", "vehicle", "ROS domain", "thrusters", "age [s]"]
-    ages = ["" if one.age_s is None else f"{one.age_s:.0f}" for one in rows]
-    healths = [WELL if one.health == WELL else ILL for one in rows]
-    cells = [
-        list((asdict(one) | {"age_s": age, "health": health}).values())
-        for one, age, health in zip(rows, ages, healths, strict=True)
-    ]
     wrong = [one for one in rows if one.health != WELL]
+    short = [
+        {"age_s": "" if one.age_s is None else f"{one.age_s:.0f}", "health": WELL if one.health == WELL else ILL}
+        for one in rows
+    ]
+    cells = [list((asdict(one) | shown).values()) for one, shown in zip(rows, short, strict=True)]
 
     def way(*, whole: bool) -> None:
         print_table("", headings[:3], headings[3:], cells, ["health", "bag"], spare=["age [s]", "bag"])
