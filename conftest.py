@@ -1,15 +1,17 @@
 """What every test run has in common."""
 
+import faulthandler
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
 from parallel_run import FileProgress, FileScheduling, long_ones_first
 from xdist.scheduler import Scheduling
 
-from hindrax_bringup.ros_graph import OUR_RMW, RANGE, RMW, graph_settings
+from hindrax_bringup.network.tether import loopback_profile
+from hindrax_bringup.ros_graph import OUR_RMW, PROFILE, RANGE, RMW, graph_settings
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_core.testing import load_profile
 from hindrax_core.vehicle import Vehicle, load_vehicle
@@ -21,10 +23,13 @@ __all__ = ["ros_domain"]
 load_profile()
 
 # The graph of a shell does not decide: what it has set for other robots is not there when the client library is loaded.
+# Tests join over datagrams, as the stack does: they kill processes, and whoever held a lock in shared memory keeps it.
 for name in graph_settings(os.environ):
     os.environ.pop(name, None)
-os.environ |= {RMW: OUR_RMW, RANGE: "LOCALHOST"}
+os.environ |= {RMW: OUR_RMW, RANGE: "SYSTEM_DEFAULT", PROFILE: str(loopback_profile())}
 
+LONGEST_S = 900.0
+"""Of one test with its fixtures, ten times what the longest takes on two cores: what takes longer hangs."""
 LONGEST_ID, LONGEST_BEGIN = 120, 24
 """Letters of one value in the identifier of a test, and of what stands for a longer one."""
 
@@ -38,8 +43,24 @@ def vehicle() -> Vehicle:
     return load_vehicle(Path(__file__).parent / "src/hindrax_bringup/vehicles/hindrax.yaml")
 
 
+class HangGuard:
+    """Ends a worker whose test hangs, in a library too, with the traceback of each thread; the others go on."""
+
+    def __init__(self) -> None:
+        self._stderr = os.dup(2)  # that of a test is captured
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_protocol(self) -> Generator[None, None, None]:
+        """Count anew for each test."""
+        faulthandler.dump_traceback_later(LONGEST_S, exit=True, file=self._stderr)
+        yield
+        faulthandler.cancel_dump_traceback_later()
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Show the files of a parallel run as they are done."""
+    if hasattr(config, "workerinput"):
+        config.pluginmanager.register(HangGuard(), "hang-guard")
     if config.getoption("numprocesses") and config.option.verbose < 0:
         config.pluginmanager.register(FileProgress(config), "file-progress")
 

@@ -50,6 +50,16 @@ class FileScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no
             self.workqueue.move_to_end(file, last=False)
         super()._assign_work_unit(node)
 
+    def remove_node(self, node: Any) -> str | None:
+        """Fail the test with which a worker ended, and give out the rest of its file; xdist would give it out again."""
+        units = self.assigned_work.get(node, {}).values()
+        crashed = next((test for unit in units for test, done in unit.items() if not done), None)
+        for unit in units:
+            if crashed in unit:
+                unit[crashed] = True
+        super().remove_node(node)
+        return crashed
+
 
 class FileProgress:
     """One line per file of a parallel run: share of all tests, time since the beginning, file, outcome, seconds."""

@@ -62,3 +62,13 @@ def test_one_worker_takes_them_as_they_were_collected(config: pytest.Config) -> 
     while not worker.shutting_down:
         scheduling.mark_test_complete(worker, worker.collection.index(f"{worker.files[-1]}::test_it"))
     assert [f"{file}::test_it" for file in worker.files] == [*WAIT, *COMPUTE]
+
+
+def test_the_test_with_which_a_worker_ended_is_not_given_to_another(config: pytest.Config) -> None:
+    scheduling, (first, second) = begun(config, 2)
+    of_the_dead = first.files[0]
+    assert scheduling.remove_node(first) == f"{of_the_dead}::test_it"
+    while not second.shutting_down:
+        scheduling.mark_test_complete(second, second.collection.index(f"{second.files[-1]}::test_it"))
+    assert of_the_dead not in second.files
+    assert set(second.files) >= {test.partition("::")[0] for test in (*WAIT, *COMPUTE)} - set(first.files)
