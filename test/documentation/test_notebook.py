@@ -1,7 +1,10 @@
 """The notebook of the how-to runs from its first cell to its last, and says what is true."""
 
+import ast
 import json
 import math
+import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +21,8 @@ def after() -> dict[str, Any]:
     found: dict[str, Any] = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT / "docs/how-to")
+        # As in a Jupyter that knows nothing of the clone but this folder.
+        patch.delenv("HINDRAX_ROOT", raising=False)
         mpl.use("Agg")
         for number, cell in enumerate(NOTEBOOK["cells"]):
             if cell["cell_type"] == "code":
@@ -44,3 +49,12 @@ def test_it_is_a_notebook_without_outputs() -> None:
     assert (NOTEBOOK["nbformat"], NOTEBOOK["nbformat_minor"]) == (4, 5)
     assert len({cell["id"] for cell in NOTEBOOK["cells"]}) == len(NOTEBOOK["cells"])
     assert not any(cell.get("outputs") for cell in NOTEBOOK["cells"])
+
+
+def test_the_extra_of_the_wheel_holds_what_the_notebook_imports() -> None:
+    wheel = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    source = "\n".join("".join(cell["source"]) for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code")
+    found = {alias.name for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Import) for alias in node.names}
+    # pandas makes `to_xarray` a method, and imports xarray in it.
+    wanted = found | ({"xarray"} if ".to_xarray()" in source else set())
+    assert wanted - sys.stdlib_module_names - {"numpy"} <= set(wheel["notebook"])

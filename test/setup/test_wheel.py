@@ -156,6 +156,12 @@ def test_the_overview_lists_what_is_here_and_names_the_rest(site: Path, tmp_path
     assert "./hindrax" not in done.stdout
 
 
+def test_the_example_of_a_subcommand_has_the_name_of_this_installation(site: Path, tmp_path: Path) -> None:
+    done = run(site, tmp_path, "vehicle", "new", "--help")
+    assert "\n  hindrax vehicle new myrov\n" in done.stdout
+    assert "./hindrax" not in done.stdout
+
+
 def test_what_needs_ros_says_so_in_one_sentence(site: Path, tmp_path: Path) -> None:
     done = run(site, tmp_path, "pool-test", "--mock")
     assert done.returncode == 2

@@ -21,7 +21,6 @@ from hindrax_cli.interrupt import interruptible, sentence
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
 from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.text.screen_text import (
-    as_called,
     fitted,
     fitted_description,
     print_fitted,
@@ -175,7 +174,7 @@ def parser_of(command: ToolCommand) -> argparse.ArgumentParser:
     parser = Parser(
         prog=f"hindrax {command.name}",
         description=help_text(command.run.__doc__),
-        epilog=as_called(example_text(command)),
+        epilog=example_text(command),
         formatter_class=HelpText,
     )
     for declare in command.arguments:

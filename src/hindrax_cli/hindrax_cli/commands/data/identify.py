@@ -282,9 +282,10 @@ def _show_notes(found: Identified, conditions: ResultConditions) -> None:
     for words, motions in delays.items():
         print_fitted(f"{', '.join(motions)}: estimated delays: {words}")
     for motion, spreads in found.spreads.items():
-        for key, one in spreads.items():
-            times = f"{one.ratio:.1f} times their deviations, expected 1"
-            print_fitted(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
+        if spreads:
+            runs = max(one.runs for one in spreads.values())
+            ratios = ", ".join(f"{key} {one.ratio:.1f}" for key, one in spreads.items())
+            print_fitted(f"{motion}: scatter of {runs} runs in their deviations, 1 is expected: {ratios}")
     if not found.results.motions:
         print_stderr("no motion was flown in this record; `./hindrax bag info` lists its contents")
 
