@@ -17,6 +17,8 @@ DOMAIN, RMW, RANGE = "ROS_DOMAIN_ID", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCO
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 PROFILES = (PROFILE, "FASTDDS_DEFAULT_PROFILES_FILE")
 """Either names a profile of Fast DDS."""
+SHOWN = (DOMAIN, RMW, RANGE, PROFILE)
+"""Settings with which ROS 2 tools join a graph."""
 OUR_RMW = "rmw_fastrtps_cpp"
 """The middleware that reads our profiles, by which the graph is bound to this machine and its tether."""
 PREFIXES = (
@@ -85,6 +87,12 @@ def without_missing_rmw(environment: MutableMapping[str, str]) -> None:
 def set_aside(shell: Mapping[str, str], graph: Mapping[str, str]) -> list[str]:
     """Settings of a shell that a graph does not have: a ROS tool in that shell would look elsewhere."""
     return sorted(name for name, value in shell.items() if value and is_graph_setting(name) and name not in graph)
+
+
+def lines_to_join(shell: Mapping[str, str], graph: Mapping[str, str]) -> list[str]:
+    """Lines with which a terminal with the settings of a shell joins a graph, for ROS 2 tools in it."""
+    aside = [f"unset {name}" for name in set_aside(shell, graph)]
+    return [*aside, *(f"export {key}={value}" for key, value in sorted(graph.items()) if key in SHOWN)]
 
 
 def full_shared_memory(place: Path = SHARED_MEMORY) -> str:

@@ -25,7 +25,7 @@ from hindrax_bringup.liveness import PROCESSES_START, LivenessFile, reported_arm
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.process_state import is_stopped
 from hindrax_bringup.processes import EVERY, MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, SENSORS, THRUSTERS
-from hindrax_bringup.ros_graph import PROFILE, full_shared_memory, graph_settings, set_aside
+from hindrax_bringup.ros_graph import full_shared_memory, graph_settings, lines_to_join
 from hindrax_bringup.stack import OTHER_WORLD, Stack, adopted, own_domain, stack_environment
 from hindrax_bringup.stack_lock import CLONE, StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.stack_process import LAST_WORDS, UpOptions
@@ -37,8 +37,6 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 
 VITAL = {MOCK.name, REPLAY.name, THRUSTERS.name, SAFETY_MONITOR.name}
 """Without these nothing is left to operate; without another one the rest still serves."""
-SHOWN = ("ROS_DOMAIN_ID", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", PROFILE)
-"""Settings with which ROS 2 tools join the graph."""
 TURN_S = 0.1
 SETTLED_S = 3.0
 """Time after a step of the wall clock in which its event is recorded, and further ones may come."""
@@ -262,8 +260,7 @@ def startup_text(lock: StackLock, folder: RunFolder, *, record: bool) -> str:
         f"up: {lock.title}",
         "  from any terminal: ./hindrax monitor | web | arm | hold | wrench | disarm | stop",
         "  with ROS 2 tools:",
-        *(f"    unset {name}" for name in set_aside(os.environ, lock.graph)),
-        *(f"    export {key}={value}" for key, value in sorted(lock.graph.items()) if key in SHOWN),
+        *(f"    {line}" for line in lines_to_join(os.environ, lock.graph)),
         f"  processes:         {', '.join(process.name for process in ONBOARD)}; logs in {folder.logs}",
     ]
     lines += [f"  bag:               {folder.bag}"] if record else []

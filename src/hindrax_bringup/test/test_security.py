@@ -109,6 +109,7 @@ def test_only_the_operator_commands_and_only_the_allocator_makes_pulses() -> Non
     # The identifier has the pilot fly an experiment, which only the operator begins; it can arm nothing.
     assert {role.enclave for role in ROLES if security.FLY in role.calls} == {"operator", "identifier"}
     assert {role.enclave for role in ROLES if security.RUN in role.calls} == {"operator"}
+    assert {role.enclave for role in ROLES if security.SESSION in role.calls} == {"operator"}
     # Control asks only to disarm, on a state that is wrong; a policy cannot tell one request from the other.
     assert {role.enclave for role in ROLES if security.ARM in role.requests} == {
         "operator",

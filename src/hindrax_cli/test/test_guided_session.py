@@ -1,24 +1,27 @@
 """The guided session on the command line: what it refuses, and a whole one with flights and estimates of a stand-in."""
 
+import contextlib
 import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
-from hindrax_analysis.identification.pool_session import PoolSession, Reached, Step
+from hindrax_analysis.identification.pool_session import PoolSession, Reached, Step, load, save
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.pool import guided_session, lockstep_session
+from hindrax_cli.commands.pool import guided_session, lockstep_session, session_by_action
 from hindrax_cli.commands.pool.guided_session import StackStepRunner
 from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_summary
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Thrust
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.vehicle import AxisGain, load_vehicle
 from hindrax_operator.pool_run import FlownManeuver, PoolOptions
 from hindrax_operator.session_question import answer, asked
@@ -220,3 +223,110 @@ def test_the_next_command_has_the_words_that_the_session_was_begun_with(more: di
     here = RunFolder(Path.cwd() / "runs" / "1")
     words = "./hindrax tune runs/1/coefficients.yaml --vehicle runs/1/vehicle.yaml"
     assert guided_session.next_command(good, here) == words
+
+
+class StandInServer:
+    """Goals of a client that has given them before, and how each ended."""
+
+    def __init__(self, *goals: tuple[list[str], int]) -> None:
+        self._goals = list(goals)
+        self.cancelled = False
+        self.shown: list[str] = []
+        self.ended: list[tuple[Reason, str, bool]] = []
+        self.aborted = NOTHING
+
+    def goal(self) -> SimpleNamespace:
+        motions, repeats = self._goals.pop(0)
+        return SimpleNamespace(motions=motions, repeats=repeats)
+
+    def show(self, session: PoolSession, _folder: Path) -> None:
+        self.shown.append(", ".join(session.left))
+        self.aborted = session.aborted
+
+    def end(self, aborted: Refusal, *, identified: bool = False) -> None:
+        self.ended.append((aborted.reason, str(aborted), identified))
+
+
+def by_action(patch: pytest.MonkeyPatch, *goals: tuple[list[str], int]) -> StandInServer:
+    """Have `--action` served by a stand-in."""
+    server = StandInServer(*goals)
+    patch.setattr(session_by_action, "served", lambda **_: contextlib.nullcontext(server))
+    return server
+
+
+def test_a_goal_chooses_motions_and_repeats_and_one_that_cannot_be_flown_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day = tmp_path / "day"
+    flown = flights_without_a_stack(monkeypatch)
+    server = by_action(monkeypatch, (["sideways"], 0), (["yaw"], 1))
+    assert main(["pool-test", "--session", str(day), "--mock", "--action"]) != 0  # its bags hold nothing
+    (refused, sentence, _), (*_, identified) = server.ended
+    assert refused is Reason.GOAL
+    assert "sideways" in sentence
+    assert not identified
+    assert flown == ["legs-1"]
+    assert server.shown == ["tether, legs 1, weigh yaw", "legs 1, weigh yaw", "weigh yaw", ""]
+    assert yaml.safe_load((day / "session.yaml").read_text())["settings"]["motions"] == ["yaw"]
+    again = by_action(monkeypatch, (["surge"], 0), ([], 0))
+    main(["pool-test", "--session", str(day), "--mock", "--action"])
+    assert "wanted neither: it goes on as it began" in again.ended[0][1]
+
+
+def test_a_client_that_cancels_gets_that_and_a_ctrl_c_is_told_to_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flights_without_a_stack(monkeypatch, interrupt=True)
+    for cancelled, reason in ((True, Reason.CANCELLED), (False, Reason.OPERATOR)):
+        server = by_action(monkeypatch, ([], 0))
+        server.cancelled = cancelled
+        assert main(["pool-test", "--session", str(tmp_path / str(reason)), "--mock", "--action"]) == 130
+        assert [one[0] for one in server.ended] == [reason]
+
+
+def test_why_legs_were_aborted_is_told_to_the_client_by_its_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flights_without_a_stack(monkeypatch, failures=["pool_box: too near to a wall", "pool_box: too near to a wall"])
+    server = by_action(monkeypatch, ([], 1))
+    assert main(["pool-test", "--session", str(tmp_path / "day"), "--mock", "--action"]) == 1
+    assert "no legs were flown" in server.ended[0][1]
+    assert (server.aborted.reason, str(server.aborted)) == (
+        Reason.POOL_BOX,
+        "legs 1: aborted twice, by pool_box: too near to a wall",
+    )
+
+
+def test_no_client_arms_a_real_vehicle(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day, asking, flown_before = tmp_path / "day", list[str](), list[list[str]]()
+    assert main(["pool-test", "--session", str(day), "--action", "--yes"]) == 2
+    assert "--action: found --yes too, wanted a person at this terminal" in capsys.readouterr().err
+    assert main(["pool-test", "--session", str(day), "--action"]) == 2
+    assert "found no terminal" in capsys.readouterr().err
+    flown = flights_without_a_stack(monkeypatch)
+
+    def tap(_pause_s: float) -> None:
+        question = asked(day)
+        assert question is not None
+        assert question.arms
+        asking.append(question.sentence)
+        flown_before.append(list(flown))
+
+    monkeypatch.setattr(guided_session, "require_tty", lambda: None)
+    monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(guided_session, "entered", lambda: bool(asking))
+    monkeypatch.setattr("time.sleep", tap)
+    by_action(monkeypatch, ([], 1))
+    main(["pool-test", "--session", str(day), "--action", "--uncommissioned"])
+    assert (asking, flown_before) == ([guided_session.LEAD_AWAY], [[]])
+    # Its tether was led away, so no step asks: the client that goes on waits for Enter all the same.
+    kept = load(day)
+    save(replace(kept, done=kept.done[:1]), day)
+    for before in (asking, flown_before, flown):
+        before.clear()
+    by_action(monkeypatch, ([], 0))
+    main(["pool-test", "--session", str(day), "--action", "--uncommissioned"])
+    assert (asking, flown_before) == ([guided_session.GO_ON], [[]])
+    assert flown == ["legs-1-again"]

@@ -7,7 +7,18 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
-from hindrax_bringup.network.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, RUN, Role
+from hindrax_bringup.network.security import (
+    ANSWER,
+    ARM,
+    ASSESS,
+    CANCEL,
+    FLY,
+    RECENTRE,
+    ROLES,
+    RUN,
+    SESSION,
+    Role,
+)
 from hindrax_bringup.processes import EVERY
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import NAMESPACE, TOPICS, Quality, Topic, resolved
@@ -28,6 +39,8 @@ TYPES: Mapping[str, str] = {
     CANCEL: "action_msgs/srv/CancelGoal",
     FLY: "hindrax_msgs/action/FlyManeuver",
     RUN: "hindrax_msgs/action/RunExperiment",
+    SESSION: "hindrax_msgs/action/RunSession",
+    ANSWER: "hindrax_msgs/srv/AnswerQuestion",
     ASSESS: "std_srvs/srv/Trigger",
     RECENTRE: "hindrax_msgs/srv/Recentre",
     **{service: "std_srvs/srv/Trigger" for sensor in SENSORS for service in sensor.services},
@@ -49,6 +62,7 @@ MEANINGS: Mapping[str, str] = {sensor.name: sensor.meaning for sensor in SENSORS
     "recorder": "writes the bag",
     "safety_monitor": "watches the operator's link and the health of the nodes",
     "operator": "terminal, web page and monitor of the operator",
+    "session": "guided session of a pool day, begun by a client (`pool-test --session --action`)",
     "teleop": "wrench by joystick or keyboard",
     "thrust": "wrench that the pulses of another stack achieve, by the thrust curves",
 }

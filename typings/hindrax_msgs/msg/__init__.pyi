@@ -323,6 +323,7 @@ class Reason:
     BUSY: ClassVar[int]
     ELSEWHERE: ClassVar[int]
     REPEAT: ClassVar[int]
+    TERMINAL: ClassVar[int]
     NOT_ARMED: ClassVar[int]
     UNOBEYED: ClassVar[int]
     HEADING: ClassVar[int]

@@ -9,6 +9,25 @@ from numpy.typing import NDArray
 
 import builtin_interfaces.msg
 
+class AnswerQuestion_Request:
+    question: int
+    def __init__(self, *, question: int = ...) -> None: ...
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]: ...
+
+class AnswerQuestion_Response:
+    accepted: bool
+    reason: str
+    error_code: int
+    def __init__(self, *, accepted: bool = ..., reason: str = ..., error_code: int = ...) -> None: ...
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]: ...
+
+class AnswerQuestion:
+    Request: TypeAlias = AnswerQuestion_Request
+    Response: TypeAlias = AnswerQuestion_Response
+
+
 class Arm_Request:
     arm: bool
     stamp: builtin_interfaces.msg.Time

@@ -16,6 +16,7 @@ import yaml
 
 from hindrax_analysis.next_step import UNKNOWN, quoted_share
 from hindrax_core.errors import UsageError, cause
+from hindrax_core.text.refusals import NOTHING, Refusal, from_sentence
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.assess.results import MotionResult
@@ -29,6 +30,7 @@ WEIGHED = ("surge", "sway", "heave", "yaw")
 DRAG_GOAL, ROTATION_GOAL, MASS_GOAL = 0.05, 0.10, 0.08
 """Wanted calibrated standard deviations of the drag at the highest speed and of the added mass, shares of them [-]."""
 TRIES_OF_LEGS = 2
+TWICE = "aborted twice, by "
 NOISE = "noise of the record"
 
 
@@ -156,6 +158,14 @@ class PoolSession:
         return next((step.reached for step in reversed(self.done) if step.reached), {})
 
     @property
+    def aborted(self) -> Refusal:
+        """Which legs were aborted, the last of them, and why; nothing when none were."""
+        for step in reversed(self.done):
+            if step.aborted:
+                return from_sentence(step.remark.removeprefix(TWICE)).within(f"{step.name}: {TWICE}")
+        return NOTHING
+
+    @property
     def seconds(self) -> float:
         """Time in the water [s]."""
         return sum(step.seconds for step in self.done)
@@ -276,7 +286,7 @@ def _do(name: str, motions: tuple[str, ...], session: PoolSession, folder: Path,
             break
     # Of legs that were aborted twice, what was flown counts.
     flown = place.name if (place / "bag").is_dir() else ""
-    return Step(name, flown, seconds=seconds, remark=f"aborted twice, by {aborted}" if aborted else "")
+    return Step(name, flown, seconds=seconds, remark=f"{TWICE}{aborted}" if aborted else "")
 
 
 def _free(folder: Path, name: str) -> Path:

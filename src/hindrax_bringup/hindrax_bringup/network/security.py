@@ -25,6 +25,7 @@ FROM_WHEELS = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
 ARM, FLY, RUN, ASSESS = "thrusters/arm", "maneuver/fly", "ident/run", "ident/assess"
 RECENTRE = "maneuver/recentre"
+SESSION, ANSWER = "session/run", "session/answer"
 CANCEL = f"{FLY}/_action/cancel_goal"
 FOREIGN = (f"{NAMESPACE}/odometry", f"{NAMESPACE}/wrench")
 """Third-party topics of the identifier, under other names when they are remapped."""
@@ -129,9 +130,10 @@ STACK: tuple[Role, ...] = (
         "operator",
         publishes=(t.HEARTBEAT, t.HOLD_SETPOINT, t.OPERATOR_WRENCH, t.THRUSTER_HEALTH_ORDER, t.LIGHTS),
         subscribes=(*_STATE, t.BATTERY),
-        requests=(ARM, CANCEL, RECENTRE),
-        calls=(FLY, RUN),
+        requests=(ARM, CANCEL, RECENTRE, ANSWER),
+        calls=(FLY, RUN, SESSION),
     ),
+    Role("session", "operator", serves=(ANSWER,), executes=(SESSION,)),
     Role("thrust", "thrust", publishes=(FOREIGN[1], t.DIAGNOSTICS), subscribes=(f"{NAMESPACE}/pulses",)),
     Role("teleop", "operator", publishes=(t.OPERATOR_WRENCH,), subscribes=(t.JOYSTICK, t.TWIST)),
     Role("operator", "bench", publishes=(t.HEARTBEAT, t.THRUSTER_COMMAND), subscribes=_STATE, requests=(ARM,)),

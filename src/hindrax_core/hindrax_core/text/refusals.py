@@ -36,6 +36,8 @@ class Reason(IntEnum):
     BUSY = 23
     ELSEWHERE = 24
     REPEAT = 25
+    TERMINAL = 26
+    """Only a person in the terminal of the command may say so."""
 
     # ---- the state of the vehicle at the start
     NOT_ARMED = 30

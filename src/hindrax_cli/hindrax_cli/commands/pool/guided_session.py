@@ -23,6 +23,7 @@ from hindrax_analysis.identification.known_weight import Hold
 from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.identification.pool_session import (
     SESSION_FILE,
+    TETHER,
     PoolSession,
     Reached,
     drag_goal,
@@ -64,11 +65,13 @@ from hindrax_operator.session_question import SessionQuestions
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
+    from hindrax_operator.nodes.session_server import SessionServer
 
 OF_OTHER_FLIGHTS = ("plan", "until", "minutes", "fault", "simulator", "start", "autopilot", "params", "set")
 """Options of a single flight, which a session does not keep."""
 LOAD_SIGMA = 0.002
 LEAD_AWAY = "lead the tether away: slack, afloat, its fixed end beside the middle of the legs, so that it pulls nowhere"
+GO_ON = "a client goes on with the session: see that nobody is near the thrusters, which are armed next"
 TURN_S = 0.1
 
 
@@ -92,18 +95,58 @@ def guide(arguments: argparse.Namespace) -> int:
     HindraxError
         When no legs were flown, so that there is no estimate.
     """
+    check_options(arguments)
+    return guided(arguments, *opened(arguments))
+
+
+def check_options(arguments: argparse.Namespace) -> None:
+    """UsageError names options that a session has no use for, and a folder that is named twice."""
     found = [f"--{name}" for name in OF_OTHER_FLIGHTS if getattr(arguments, name) not in (None, [], "", False)]
     found += [f"--excitation {arguments.excitation}"] if arguments.excitation != PLATEAUS else []
     if found:
         raise UsageError(f"--session: found {', '.join(found)}, which it has no use for: it plans its own legs")
     if arguments.session and arguments.out:
         raise UsageError(f"--out {arguments.out}: --session {arguments.session} names the folder already")
-    session, folder = _opened(arguments)
+
+
+def guided(
+    arguments: argparse.Namespace, session: PoolSession, folder: RunFolder, client: "SessionServer | None" = None
+) -> int:
+    """Do the steps that are left, identify over all legs, and print.
+
+    Parameters
+    ----------
+    arguments
+        Of `pool-test`.
+    session, folder
+        As of `opened`.
+    client
+        Shows the session to the client that began it; None: it was begun in this terminal.
+
+    Returns
+    -------
+    int
+        As of `guide`.
+
+    Raises
+    ------
+    HindraxError
+        When no legs were flown, so that there is no estimate.
+    """
+
+    def report(session: PoolSession) -> None:
+        _report(folder.path, session)
+        if client is not None:
+            client.show(session, folder.path)
+
     runner = StackStepRunner(arguments, session, folder)
     save(session, folder.path)
     print_stderr(f"session {folder.path}: {', '.join(session.left) or 'all steps are done'}")
     try:
-        session = run_steps(session, folder.path, runner, partial(_report, folder.path))
+        if client is not None:
+            client.show(session, folder.path)
+            runner.confirm(session)
+        session = run_steps(session, folder.path, runner, report)
         if not session.folders:
             raise HindraxError(f"{folder.path}: no legs were flown ({session.done[1].remark}), so there is no estimate")
         identified = runner.identified or runner.identify(_bags(session, folder), session)
@@ -120,22 +163,65 @@ def guide(arguments: argparse.Namespace) -> int:
     document = identified.document(bags[0], folder.report, None, NOTHING) | session_document(session, folder.path)
 
     print_answer(document, partial(show_end, identified, session, folder), as_json=arguments.json)
-    aborted = any(step.aborted for step in session.done)
-    return 1 if aborted or not identified.complete else 0
+    return 1 if session.aborted or not identified.complete else 0
 
 
-def _opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
-    """The session that is in the folder, or a new one; what it was begun with stays."""
-    if arguments.session and (Path(arguments.session) / SESSION_FILE).is_file():
-        folder = RunFolder(Path(arguments.session).resolve())
-        session = load(folder.path)
+def goes_on(arguments: argparse.Namespace) -> bool:
+    """Whether the folder that is named holds a session, which goes on."""
+    return bool(arguments.session) and (Path(arguments.session) / SESSION_FILE).is_file()
+
+
+def opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
+    """The session that is in the folder, or a new one; what it was begun with stays.
+
+    Parameters
+    ----------
+    arguments
+        Of `pool-test`.
+
+    Returns
+    -------
+    tuple[PoolSession, RunFolder]
+        The session, and its folder, which is made for a new one.
+
+    Raises
+    ------
+    UsageError
+        As of `planned`.
+    """
+    session = planned_session(arguments)
+    if goes_on(arguments):
+        return session, RunFolder(Path(arguments.session).resolve())
+    return session, make_run_folder(arguments.session or arguments.out, Path(arguments.vehicle))
+
+
+def planned_session(arguments: argparse.Namespace) -> PoolSession:
+    """The session that is in the folder, or a new one, of which nothing is written yet.
+
+    Parameters
+    ----------
+    arguments
+        Of `pool-test`.
+
+    Returns
+    -------
+    PoolSession
+        With the steps that are left.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be flown: motions, world, load, nobody at the terminal; or goes on otherwise than it began.
+    """
+    if goes_on(arguments):
+        session = load(Path(arguments.session).resolve())
         if bool(session.settings["mock"]) != arguments.mock:
             began, now = ("with", "without") if session.settings["mock"] else ("without", "with")
             raise UsageError(f"--session {arguments.session}: was begun {began} --mock, found {now}; go on as it began")
         print_stderr("goes on with the vehicle, motions, world and load that the session was begun with")
         if not arguments.yes and not arguments.mock and session.left:
             require_tty()
-        return session, folder
+        return session
     vehicle = load_vehicle(arguments.vehicle)
     servable = motions_to_fly(arguments.dof, vehicle)
     print_stderr(f"{vehicle.name} {servable}")
@@ -155,8 +241,7 @@ def _opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
         "vehicle": vehicle_word(Path(arguments.vehicle)),
         "repeats": arguments.repeats,
     }
-    folder = make_run_folder(arguments.session or arguments.out, Path(arguments.vehicle))
-    return PoolSession(settings, planned_steps(servable.flown, arguments.repeats)), folder
+    return PoolSession(settings, planned_steps(servable.flown, arguments.repeats))
 
 
 def _check_person(arguments: argparse.Namespace, motions: Sequence[str]) -> None:
@@ -204,14 +289,28 @@ class StackStepRunner:
 
     def tether(self) -> str:
         """Ask for the tether to be led away."""
-        if self.options.mock is not None or self._yes:
-            return ""
+        if self.options.mock is None and not self._yes:
+            self._await_enter(LEAD_AWAY)
+        return ""
+
+    def confirm(self, session: PoolSession) -> None:
+        """Ask whether the vehicle may be armed, where a client goes on with a session whose tether was led away.
+
+        Parameters
+        ----------
+        session
+            As it goes on.
+        """
+        if self.options.mock is None and session.left and session.left[0] != TETHER:
+            self._await_enter(GO_ON)
+
+    def _await_enter(self, sentence: str) -> None:
+        """Ask for what arms when it is done: no client of the page or of the graph confirms it (ADR 18)."""
         forget_what_was_typed()
-        print_stderr(f"{LEAD_AWAY}; then press Enter")
-        self.questions.ask(LEAD_AWAY, arms=True)
+        print_stderr(f"{sentence}; then press Enter")
+        self.questions.ask(sentence, arms=True)
         while not self._ready():
             time.sleep(TURN_S)
-        return ""
 
     def _ready(self) -> bool:
         """Whether the person has done what was asked, and says so here or on the page."""

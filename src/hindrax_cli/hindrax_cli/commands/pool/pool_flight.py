@@ -36,6 +36,10 @@ SESSION_HELP = (
     "guided session of a pool day: legs, weighing, repeats, one estimate over all; FOLDER of one that was "
     "interrupted goes on with it, any other gets the results; default runs/<time>"
 )
+ACTION_HELP = (
+    "session: wait until a client of the ROS 2 action session/run begins it; it may answer and cancel, and what arms "
+    "wants Enter here"
+)
 PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and uncertainty, without ROS and devices"
 
 
@@ -81,6 +85,18 @@ def _say(words: str) -> None:
     sys.stderr.write(f"{words}\n")
 
 
+def _session(arguments: argparse.Namespace) -> int:
+    """Fly a guided session, begun here or by a client."""
+    with hung_up_alike():
+        if arguments.action:
+            from hindrax_cli.commands.pool.session_by_action import guide_by_action  # noqa: PLC0415  # others serve nothing
+
+            return guide_by_action(arguments)
+        from hindrax_cli.commands.pool.guided_session import guide  # noqa: PLC0415  # a single flight needs none of it
+
+        return guide(arguments)
+
+
 def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
     """UsageError for a start outside the pool, before anything starts."""
     x_m, y_m, heading_rad = start
@@ -106,6 +122,7 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
     option(
         "--yes", action="store_true", help="session: no questions; the tether counts as led away, nothing is weighed"
     ),
+    option("--action", action="store_true", help=ACTION_HELP),
     option(
         "--dof",
         nargs="+",
@@ -152,11 +169,8 @@ def pool_test(arguments: argparse.Namespace) -> int:
     again = () if arguments.autopilot is None else _use_autopilot(arguments)
     aim = aim_of(arguments)
     if arguments.session is not None:
-        from hindrax_cli.commands.pool.guided_session import guide  # noqa: PLC0415  # a single flight needs none of it
-
-        with hung_up_alike():
-            return guide(arguments)
-    of_session = [f"--{one}" for one in ("load", "lever", "yes") if getattr(arguments, one)]
+        return _session(arguments)
+    of_session = [f"--{one}" for one in ("load", "lever", "yes", "action") if getattr(arguments, one)]
     if of_session:
         raise UsageError(f"found {', '.join(of_session)} without --session, wanted both or neither")
     if arguments.plan:
