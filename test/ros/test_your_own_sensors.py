@@ -4,6 +4,7 @@ The nodes are made as the row says and read from the graph; the publishers are i
 seconds. Types, axes, rates, qualities, units and quirks are those of the drivers' sources, named beside each.
 """
 
+import gc
 import math
 import random
 import re
@@ -447,6 +448,7 @@ class Graph:
         """End all."""
         for node in (*self.nodes, *([self.driver] if self.driver else [])):
             node.destroy_node()
+        gc.collect()  # of nodes that could not all be made nothing is destroyed: others would meet them in this domain
         rclpy.try_shutdown()
 
 

@@ -110,7 +110,7 @@ def inflow_loss(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: K_T falling evenly to zero at J = 0.75: 0.15 to 0.35 for 76 mm at 50 to 10 N.
     """
-    # T = T_nn n|n| + T_nu |n| u (Fossen 2011, section 9.?), written with the force T_0 = T_nn n|n| at rest. So
+    # T = T_nn n|n| + T_nu |n| u (Fossen 2011 eq. 9.8), written with the force T_0 = T_nn n|n| at rest. So
     # T - T_0 = -c sqrt(|T_0|) u, where c loses the share `size` of 10 N at an inflow of 0.5 m/s.
     factor = size * math.sqrt(INFLOW_N) / INFLOW_mps
     rows = [(one.lag_s, wrench_per_newton(world.vehicle, one)) for one in world.vehicle.thrusters]
