@@ -230,7 +230,19 @@ def test_a_depth_that_the_autopilot_does_not_give_is_told_with_its_barometer(hin
     guards.step(Situation(deep, None, {}, 0.0))
     (found,) = guards.step(Situation(deep, None, {}, 1.0))
     assert found.startswith("sensor_age: depth from fcu received never, wanted at most 1.00 s; check the autopilot")
-    assert found.endswith("`--set fcu.barometer:=1`")
+    assert found.endswith("; that of a SITL is the first, which `--set fcu.barometer:=1` takes")
+
+
+def test_samples_that_the_autopilot_does_not_give_send_nobody_to_its_barometer(hindrax: Vehicle) -> None:
+    sensors = {"fcu": Mount("ardusub")}
+    guards = ManeuverGuards(replace(hindrax, sensors=sensors, output=replace(hindrax.output, device="ardusub")))
+    late = replace(WELL, ages_s={"fcu": 0.31}, depth_age_s=0.1)
+    guards.step(Situation(late, None, {}, 0.0))
+    (found,) = guards.step(Situation(late, None, {}, 1.0))
+    assert found == (
+        "sensor_age: rates from fcu received 0.31 s ago, wanted at most 0.20 s; "
+        "check the sensor (`./hindrax doctor`), then fly again"
+    )
 
 
 def test_battery_leak_time_and_thrusters(look: Callable[..., tuple[str, ...]]) -> None:

@@ -24,7 +24,8 @@ from hindrax_control.maneuver.stages import (
 )
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import PriorDynamics
-from hindrax_core.signals import Navigation
+from hindrax_core.events import stamp_from_s
+from hindrax_core.signals import Consistency, Navigation
 from hindrax_core.vehicle import Drag, Vehicle
 
 
@@ -272,6 +273,15 @@ def test_an_axis_that_is_not_measured_is_not_driven(station: StationKeeping) -> 
         output = excited("heave", HEAVE, station).step(moment(0.0, **changes))
         assert output.wrench == (0.0,) * 6
         assert output.trouble.startswith("navigation: heave unknown; see which sensor is silent")
+
+
+def test_an_axis_that_a_state_begun_anew_does_not_know_sends_nobody_to_a_silent_sensor(station: StationKeeping) -> None:
+    stage = excited("surge", SURGE, station)
+    stage.begin(moment(0.0))
+    anew = Consistency(began=stamp_from_s(3.0))
+    output = stage.step(moment(1.0, velocity_mps=(math.nan, math.nan, 0.0), consistency=anew))
+    assert output.trouble.startswith("navigation: surge unknown, since the state began anew in flight, as after a gap")
+    assert "silent" not in output.trouble
 
 
 def leg_of(axis: str) -> Leg:

@@ -27,6 +27,7 @@ BLOCKED_PHASE_S = 1.5
 LEAST_UNCERTAINTY_m = 0.01
 """Margin for an uncertain position that is worth mentioning."""
 
+DEPTH = "depth"
 AUTO, SLOW, FLY = "auto", "slow", "fly"
 
 
@@ -82,8 +83,8 @@ class ManeuverGuards:
         self._depth = vehicle.measuring("depth")
         self._velocity = vehicle.measuring("velocity")
         self._remedies = {Reason.DVL_LOCK: AIDING} if velocity_is_estimated(vehicle) else {}
-        if by_autopilot := [name for name in self._depth if vehicle.sensors[name].device == "ardusub"]:
-            self._remedies[Reason.SENSOR_AGE] = BAROMETER.format(name=by_autopilot[0])
+        by_autopilot = [name for name in self._depth if vehicle.sensors[name].device == "ardusub"]
+        self._depth_remedy = BAROMETER.format(name=by_autopilot[0]) if by_autopilot else ""
         self._freedoms = prior_dynamics(vehicle)
         self._patience_s = dict.fromkeys((Reason.ATTITUDE, Reason.SPEED, Reason.SENSOR_AGE), self._knobs.patience_s)
         """The other guards act at once."""
@@ -95,10 +96,16 @@ class ManeuverGuards:
         wrong = [(guard, text) for guard, text in self._guards(situation) if text]
         self._wrong_since_s = {guard: self._wrong_since_s.get(guard, situation.time_s) for guard, _ in wrong}
         return tuple(
-            found(guard, text, self._remedies.get(guard, ""))
+            found(guard, text, self._remedy(guard, text))
             for guard, text in wrong
             if situation.time_s - self._wrong_since_s[guard] >= self._patience_s.get(guard, 0.0)
         )
+
+    def _remedy(self, guard: Reason, text: str) -> str:
+        """What to do where that is not what is usual: of an autopilot, silent rates have another cause than depth."""
+        if guard is Reason.SENSOR_AGE and text.startswith(DEPTH):
+            return self._depth_remedy
+        return self._remedies.get(guard, "")
 
     def _guards(self, situation: Situation) -> Iterator[tuple[Reason, str]]:
         """Yield each guard, and what it found and wanted: nothing where all is well."""
@@ -176,13 +183,13 @@ class ManeuverGuards:
         inertial_s = min((navigation.ages_s.get(name, math.inf) for name in self._inertial), default=0.0)
         limits = (
             ("rates", self._inertial, inertial_s, self._knobs.inertial_age_s),
-            ("depth", self._depth, navigation.depth_age_s, self._knobs.depth_age_s),
+            (DEPTH, self._depth, navigation.depth_age_s, self._knobs.depth_age_s),
         )
         for quantity, names, age_s, limit_s in limits:
             if names and age_s > limit_s:
                 age = above("{} s ago, wanted at most {} s", age_s, limit_s, 2)
                 return f"{quantity} from {' and '.join(names)} received {age}".replace("inf s ago", "never")
-        return "" if math.isfinite(navigation.depth_m) else "depth unknown"
+        return "" if math.isfinite(navigation.depth_m) else f"{DEPTH} unknown"
 
     def _blocked(self, situation: Situation) -> str:
         """Thrust without motion, as against a wall that dead reckoning knows elsewhere."""

@@ -14,9 +14,10 @@ from hindrax_control.maneuver.leg import LegController
 from hindrax_control.maneuver.plan import RESTING, motion_name
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import PriorDynamics
+from hindrax_core.events import Stamp
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import ZERO6, Navigation
-from hindrax_core.text.refusals import NOTHING, Reason, Refusal, found
+from hindrax_core.text.refusals import HELD_UP, NOTHING, Reason, Refusal, found
 from hindrax_core.vehicle import AXES
 
 HOLD_OF = {"heave": ("depth", "altitude"), "roll": ("roll",), "pitch": ("pitch",), "yaw": ("heading",)}
@@ -225,16 +226,18 @@ class ExciteMotion(Stage):
         ends = tuple(replace(pose.place, x_m=x_m) for x_m in driver.ends) if axis in ALONG else ()
         super().__init__(motion, station, driver.seconds, ends)
         self._axis, self._driver, self._freedom, self._pose = axis, driver, freedom, pose
+        self._state_began: Stamp | None = None
 
-    def begin(self, _moment: StageInput) -> tuple[Setpoint, ...]:
+    def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Release the holds of the axis that is driven."""
+        self._state_began = moment.navigation.consistency.began
         return tuple(Setpoint(name, engaged=False) for name in HOLD_OF.get(self._axis, ()))
 
     def step(self, moment: StageInput) -> StageOutput:
         """Drive the axis, with what holds it against buoyancy and righting moment; keep station in the others."""
         coordinate, rate = along(self._axis, moment)
         if not all(map(math.isfinite, (coordinate, rate))):
-            return StageOutput(ZERO6, "transient", trouble=found(Reason.NAVIGATION, f"{self._axis} unknown"))
+            return StageOutput(ZERO6, "transient", trouble=self._unknown(moment.navigation))
         trusted = self._axis not in ALONG or self._straight(moment)
         drive = self._driver.step(coordinate, rate, moment.time_s, trusted=trusted)
         if not isinstance(self._driver, LegController):
@@ -245,6 +248,13 @@ class ExciteMotion(Stage):
         wrench[AXES.index(self._axis)] = drive.force + self._freedom.bias + righting
         resting = drive.phase == "coast" and self._axis in RESTING
         return StageOutput(vec6(wrench), drive.phase, drive.force, rate, drive.finished, resting=resting)
+
+    def _unknown(self, navigation: Navigation) -> Refusal:
+        """Say that its axis is unknown; a state that began anew knows no velocity yet, whose sensor is not silent."""
+        if self._state_began in (None, navigation.consistency.began):
+            return found(Reason.NAVIGATION, f"{self._axis} unknown")
+        anew = f"{self._axis} unknown, since the state began anew in flight, as after a gap of the inertial sensor"
+        return found(Reason.NAVIGATION, anew, HELD_UP)
 
     def _straight(self, moment: StageInput) -> bool:
         """Whether surge or sway is measured, and flown as it should be; an unknown altitude does not count."""

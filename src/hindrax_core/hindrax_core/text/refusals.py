@@ -112,14 +112,16 @@ REMEDIES: Mapping[Reason, str] = {
 }
 """What to do about each guard that finds something."""
 BAROMETER = (
-    "check the autopilot and its barometer in the water (`./hindrax doctor`), which in a SITL is the first: "
-    "`--set {name}.barometer:=1`"
+    "check the autopilot and its barometer in the water (`./hindrax doctor`); that of a SITL is the first, which "
+    "`--set {name}.barometer:=1` takes"
 )
 """Where depth is measured by the autopilot: what to check before the next flight."""
 THRUSTERS_BY_HAND = (
     "no file is made for this frame: describe its thrusters by hand (docs/how-to/new-vehicle.md, Minimum for flight)"
 )
 """What to do about an ArduSub whose frame has no vehicle in the box."""
+HELD_UP = "find what held up that sensor, its line or this computer (`./hindrax doctor`), then fly again"
+"""What to do about samples that were missing for a while."""
 AIDING = "check the aids of the autopilot's estimator, a DVL or GPS (QGroundControl, EKF status)"
 """What to do instead about a velocity that only the autopilot has."""
 
