@@ -422,7 +422,12 @@ def test_after_motor_tests_it_waits_for_the_pause_that_the_autopilot_asks_for() 
 
 
 def old(board: firmware.ArduSub) -> None:
-    board.version = (4, 1, 2)
+    board.version = (4, 1, 1)
+
+
+def unreleased(board: firmware.ArduSub) -> None:
+    """A development version between those that have six axes."""
+    board.version = (4, 2, 0)
 
 
 def unprotected(board: firmware.ArduSub) -> None:
@@ -458,7 +463,8 @@ def streamless(board: firmware.ArduSub) -> None:
 @pytest.mark.parametrize(
     ("change", "lack"),
     [
-        (old, "its release is 4.1.2, whose MANUAL_CONTROL has no pitch and roll, wanted 4.5"),
+        (old, "its release is 4.1.1, whose MANUAL_CONTROL has no pitch and roll, wanted 4.1.2, or 4.5 or later"),
+        (unreleased, "its release is 4.2.0, whose MANUAL_CONTROL has no pitch and roll"),
         (unprotected, "its FS_PILOT_INPUT is 0"),
         (rewired, "T3 is at output 3 in the vehicle file, where SERVO3_FUNCTION is 59, wanted a motor"),
         (rewired, "; take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"),
@@ -476,6 +482,15 @@ def test_what_lacks_something_is_refused_by_name(change: Callable[[firmware.Ardu
     assert not bench.device.ready
     assert lack in bench.device.trouble
     assert lack in " ".join(bench.texts())
+
+
+@pytest.mark.parametrize("version", [(4, 1, 2), (4, 5, 0), (4, 7, 0)])
+def test_releases_whose_sticks_have_pitch_and_roll_fly_eight_thrusters(version: tuple[int, int, int]) -> None:
+    """4.1.2, the last before 4.5 and long the stable one, got its two axes as well."""
+    bench = Bench()
+    bench.board.version = version
+    bench.run(3.0)
+    assert bench.device.ready, bench.device.trouble
 
 
 def test_motors_that_the_file_does_not_have_are_refused_by_name() -> None:

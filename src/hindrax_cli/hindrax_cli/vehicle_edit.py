@@ -7,6 +7,8 @@ from pathlib import Path
 
 import yaml
 
+from hindrax_analysis.records.autopilot_vehicle import Wiring
+from hindrax_bringup.share_files import simulated_vehicle, vehicle_file
 from hindrax_cli.command import option
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.text_file import replace_text, require_place
@@ -176,7 +178,29 @@ def with_outputs(text: str, name: str, motors: Mapping[int, tuple[int, bool]]) -
     return "\n".join(lines) + "\n"
 
 
-def with_two_verticals(text: str) -> str:
+VECTORED = 1
+"""FRAME_CONFIG of six thrusters."""
+
+
+def text_behind(wiring: Wiring) -> str:
+    """Text of the vehicle file that belongs to an ArduSub with a frame of the box: that of the box, or its simulator's.
+
+    Parameters
+    ----------
+    wiring
+        Whose `kind` is not empty.
+
+    Returns
+    -------
+    str
+        With the outputs and senses of the box.
+    """
+    file = simulated_vehicle() if wiring.simulated else vehicle_file(wiring.kind)
+    text = file.read_text(encoding="utf-8")
+    return _with_two_verticals(text) if wiring.simulated and wiring.frame == VECTORED else text
+
+
+def _with_two_verticals(text: str) -> str:
     """Make the simulator's `vectored` of the text of its `vectored_6dof`: two vertical thrusters, abeam."""
     text = re.sub(r"^ *- \{name: T[78],.*\n", "", text, flags=re.MULTILINE)
     return re.sub(r"(name: T[56],.*position_m: \[)[^,]+", r"\g<1>0.0", text)

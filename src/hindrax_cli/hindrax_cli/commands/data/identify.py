@@ -36,15 +36,16 @@ from hindrax_analysis.records.csv_thrusters import MEANING, OUTPUTS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import print_answer, working
 from hindrax_bag.run_folder import RunFolder
-from hindrax_bringup.share_files import default_vehicle, vehicle_file
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_cli.command_line import is_here
+from hindrax_cli.vehicle_edit import text_behind
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.refusals import THRUSTERS_BY_HAND, from_sentence
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.text.text_file import require_place
-from hindrax_core.vehicle import AXES, VEHICLE_OF_FRAME, Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, VEHICLE_OF_FRAME, Vehicle, load_vehicle, vehicle_from_text
 from hindrax_ident.assess.results import Results
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.tuning import Tuning
@@ -106,6 +107,13 @@ def opened(arguments: argparse.Namespace) -> tuple[Vehicle | None, list[RecordSo
     return named, open_sources(arguments.records, topics, named), task
 
 
+SIMULATED = (
+    "by its SIM_ parameters the log is of ArduPilot's simulator, whose own vehicle is assumed; behind Gazebo or "
+    "another simulator it is another one"
+)
+"""Sentence about the vehicle of a simulator's log."""
+
+
 def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | None:
     """The vehicle that an ArduSub's log describes, where none is named; one of the box is wired as the log says."""
     wiring = logged_wiring(records)
@@ -115,11 +123,12 @@ def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | No
         print_stderr(
             "note: the log's parameters name no outputs (SERVOn_FUNCTION): the outputs of the vehicle file are assumed"
         )
-    if wiring.simulated and wiring.kind and (named is None or named.name in BOX):
-        print_stderr(f"note: {OF_THE_SIMULATOR.format(kind=named.name if named else wiring.kind)}")
+    if wiring.simulated and named is not None and named.name in BOX:
+        print_stderr(f"note: {OF_THE_SIMULATOR.format(kind=named.name)}")
     if named is None and wiring.kind:
-        print_stderr(f"note: no --vehicle was named; the log's frame belongs to {wiring.kind}, whose hull is assumed")
-        return wired(load_vehicle(vehicle_file(wiring.kind)), wiring)
+        whose = SIMULATED if wiring.simulated else f"the log's frame belongs to {wiring.kind}, whose hull is assumed"
+        print_stderr(f"note: no --vehicle was named; {whose}")
+        return wired(vehicle_from_text(text_behind(wiring), wiring.kind), wiring)
     if named is None:
         known = ", ".join(f"{frame} ({name})" for frame, name in VEHICLE_OF_FRAME.items())
         raise UsageError(

@@ -16,13 +16,13 @@ from hindrax_analysis.records.autopilot_vehicle import (
     wiring_of,
 )
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
-from hindrax_bringup.share_files import VEHICLE, own_vehicles, simulated_vehicle, usual_vehicle, vehicle_file
+from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.autopilot_vehicle import asked_parameters, is_address
 from hindrax_cli.command import add_words, command, option
 from hindrax_cli.command_line import is_here
 from hindrax_cli.health_checks import Check
-from hindrax_cli.vehicle_edit import with_autopilot, with_outputs, with_two_verticals
+from hindrax_cli.vehicle_edit import text_behind, with_autopilot, with_outputs
 from hindrax_cli.vehicle_questions import BACK, Answers, ask, file_text, kept_answers
 from hindrax_cli.vehicle_review import findings, picture, same_positions
 from hindrax_control.allocation.thrust_curve import thrust_curves
@@ -39,8 +39,6 @@ NO_OUTPUT = (
     "ten questions"
 )
 """What helps where the autopilot drives other motors than its frame has."""
-VECTORED = 1
-"""FRAME_CONFIG of six thrusters."""
 SIMULATED = (
     "note: by its SIM_ parameters it is ArduPilot's simulator: the file describes the vehicle that it simulates; its "
     "depth is by its first barometer: fly it with `--set autopilot.barometer:=1`"
@@ -110,9 +108,7 @@ def _text_from(name: str, source: str) -> str:
             f"--from {source}: found {found}, wanted an ArduSub with the frame 1 (vectored) or 2 (vectored 6DOF),"
             f" or a log of one that holds its parameters, as every .bin does; {remedy}"
         )
-    text = (simulated_vehicle() if wiring.simulated else vehicle_file(wiring.kind)).read_text(encoding="utf-8")
-    if wiring.simulated and wiring.frame == VECTORED:
-        text = with_two_verticals(text)
+    text = text_behind(wiring)
     wired(vehicle_from_text(text, wiring.kind), wiring, NO_OUTPUT)
     low_us, high_us = (round(parameters.get(one, usual)) for one, usual in PULSES_us.items())
     hull = f"as of a {wiring.kind} when sold: weigh yours as it flies, and correct mass_kg and volume_m3"

@@ -43,6 +43,7 @@ from hindrax_drivers.protocols.ardupilot import (
     RcChannels,
     ServoOutput,
     Supply,
+    Version,
 )
 from hindrax_drivers.protocols.mavlink import CommandAck, StatusText
 from hindrax_drivers.timebase import RESTART_us, Timebase, came_again
@@ -50,8 +51,8 @@ from hindrax_drivers.timebase import RESTART_us, Timebase, came_again
 MANUAL = 19
 """ArduSub's number of its mode."""
 FIRST_MOTOR, MOST_MOTORS = 33, 8
-SIX_AXES = (4, 5, 0)
-"""Release of ArduSub from which MANUAL_CONTROL has pitch and roll."""
+SIX_AXES, SIX_AXES_OF_4_1, AFTER_4_1 = (4, 5, 0), (4, 1, 2), (4, 2, 0)
+"""Release of ArduSub from which MANUAL_CONTROL has pitch and roll; the one of 4.1 that has them too, and its end."""
 SEVERITY_WARNING = 4
 OPPOSITE = -0.5
 """Cosine of 120 degrees: beyond, a thruster is turned round and not only placed otherwise."""
@@ -345,10 +346,10 @@ class ArduSub:
                 "2 (disarm)"
             )
         mixer = Mixer(frame, self._motors, parameters.get("MOT_PWM_MIN", 1100.0), parameters.get("MOT_PWM_MAX", 1900.0))
-        if mixer.pitches and (version is None or version.firmware < SIX_AXES):
+        if mixer.pitches and (version is None or not _has_six_axes(version)):
             return (
-                f"its release is {version or 'unknown'}, whose MANUAL_CONTROL has no pitch and roll, wanted 4.5 or "
-                "later; update ArduSub"
+                f"its release is {version or 'unknown'}, whose MANUAL_CONTROL has no pitch and roll, wanted 4.1.2, or "
+                "4.5 or later; update ArduSub"
             )
         self._mixer = mixer
         return ""
@@ -690,3 +691,8 @@ class ArduSub:
         x, y, z, r = (max(-1000, min(1000, round(1e3 * one))) for one in parts[:4])
         sticks = (x, y, 500 + z // 2, r, whole[4], whole[5])
         return self._link.send(ardupilot.manual_control(sticks, self._link.system))
+
+
+def _has_six_axes(version: Version) -> bool:
+    """Whether MANUAL_CONTROL of a release has pitch and roll: what 4.5 began with was put into 4.1 as well."""
+    return version.firmware >= SIX_AXES or SIX_AXES_OF_4_1 <= version.firmware < AFTER_4_1
