@@ -166,9 +166,8 @@ class Flight:
         """Arm, if need be, and move; returns the process of the node."""
         self.pilot.speaking = True
         self.pilot.until(lambda: self.pilot.states, "the output")
-        if not self.is_moving():
-            answer = self.pilot.arm()
-            assert answer.accepted, answer.reason
+        # Asked again: a busy machine may not have heard yet that what a test has stopped goes on.
+        self.pilot.until(lambda: self.is_moving() or self.pilot.arm().accepted, "an output that arms")
         self.pilot.until(self.is_moving, "pulses")
         return self.child()
 
