@@ -19,6 +19,8 @@ from hindrax_core.text.yaml_text import read_yaml
 TOLERANCES = Path(__file__).parent / "tolerances.yaml"
 MOST_PADDING = 64
 """More bytes than these that differ are not padding."""
+WORD = 4
+"""A message travels in words of so many bytes; one that was just written ends with its last field."""
 _KNOWN_NAMES: WeakKeyDictionary[type, tuple[str, ...]] = WeakKeyDictionary()
 MISSING = "(message)"
 """Stands for the field where a whole message has no counterpart."""
@@ -130,7 +132,8 @@ class ComparisonReport:
         self.messages: Counter[str] = Counter()
         self._differences: dict[tuple[str, str], Difference] = {}
         self._explained: dict[str, str] = {}
-        self._sizes: dict[str, int] = {}
+        self._sizes: dict[tuple[str, int], int] = {}
+        """Compared fields of a message, by topic and number of bytes: some have lists."""
         self._padding = Padding()
         self._tolerances: dict[str, dict[str, Tolerance | None]] = {}
 
@@ -155,11 +158,14 @@ class ComparisonReport:
         bool
             Whether they are equal, or differ in padding only.
         """
+        if len(recorded) - len(replayed) < WORD:
+            recorded = recorded[: len(replayed)]
         if recorded == replayed or self._padding.same(topic, recorded, replayed, decode):
-            if topic not in self._sizes:
+            shape = topic, len(recorded)
+            if shape not in self._sizes:
                 rule, fields = self.rules.of(topic), flat(decode(recorded))
-                self._sizes[topic] = sum(rule.tolerance(_unnumbered(name)) is not None for name, _ in fields)
-            self._count(topic, self._sizes[topic])
+                self._sizes[shape] = sum(rule.tolerance(_unnumbered(name)) is not None for name, _ in fields)
+            self._count(topic, self._sizes[shape])
             return True
         self.compare_messages(topic, stamp, decode(recorded), decode(replayed))
         return False
