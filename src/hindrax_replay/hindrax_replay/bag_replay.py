@@ -95,8 +95,7 @@ def replay(
     vehicle = vehicle or attached_vehicle(bag, inside)
     done = Replayed(bag, ComparisonReport(rules or load_rules()))
     ours = names or {}
-    states = state_stage.inputs(vehicle)
-    followed = states | allocation_stage.INPUTS
+    followed = state_stage.inputs(vehicle)
 
     def record() -> Iterator[BagMessage]:
         return (one._replace(topic=ours[one.topic]) if one.topic in ours else one for one in messages(bag))
@@ -104,23 +103,23 @@ def replay(
     def follow(settled: Iterator[SettledMessage]) -> tuple[ComparisonReport, ReferenceSamples]:
         samples = ReferenceSamples()
         state = StateStage(vehicle, parameters, done.ledger, samples)
-        allocation = AllocationStage(vehicle, parameters, done.ledger, samples)
         for message, replaced in settled:
-            if message.topic in states:
-                state.feed(message, replaced)
-            if message.topic in allocation_stage.INPUTS:
-                allocation.feed(message)
+            state.feed(message, replaced)
         state.finish()
-        allocation.finish()
         if results:
             state.keep_results()
         return done.ledger, samples
 
     with hardly_collecting(), SecondStage((one for one in record() if one.topic in followed), follow) as second:
         first = WireStage(vehicle, parameters, done.ledger, done.samples, second.forward, followed=followed)
+        # It is fed with what was recorded alone, so either process could have it: this one has less to do.
+        allocation = AllocationStage(vehicle, parameters, done.ledger, done.samples)
         for message in record():
             first.feed(message)
+            if message.topic in allocation_stage.INPUTS:
+                allocation.feed(message)
         first.finish()
+        allocation.finish()
         ledger, samples = second.result()
     done.ledger.add(ledger)
     done.samples |= samples
