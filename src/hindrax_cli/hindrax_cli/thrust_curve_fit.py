@@ -19,8 +19,8 @@ from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whol
 from hindrax_core.thrust.curves import Curve, problems_of
 from hindrax_ident.arrays import Array
 from hindrax_laboratory import plots
-from hindrax_laboratory.bollard import COEFFICIENTS, COLUMNS, BASIC_ESC_us, BollardCurve, Direction, fit, vehicle_block
-from hindrax_laboratory.measured_table import MeasuredTable, measured_table
+from hindrax_laboratory.bollard import COEFFICIENTS, COLUMNS, BollardCurve, Direction, fit, vehicle_block
+from hindrax_laboratory.measured_table import BASIC_ESC_us, MeasuredTable, measured_table
 from hindrax_laboratory.thruster_sheets import Sheet, is_published, sheets_of
 
 OUTLIERS = "remove outliers (--plot shows them)"
@@ -93,7 +93,7 @@ def _sweep(arguments: argparse.Namespace) -> Sheet:
 
 
 def _tabulated(arguments: argparse.Namespace, sheets: Sequence[Sheet]) -> tuple[MeasuredTable, str]:
-    found = measured_table(sheets, arguments.stop)
+    found = measured_table(sheets, arguments.stop, arguments.dead_band)
     save_plot(arguments.plot, plots.thrust_table, sheets, found)
     sigma = MANUFACTURER_SIGMA if arguments.load_cell_std is None else arguments.load_cell_std
     table = found.table

@@ -17,7 +17,7 @@ from hindrax_ident.arrays import Array
 from hindrax_ident.assess.thrust_calibration import powers_from_scaled
 from hindrax_laboratory.experiment_record import Column
 from hindrax_laboratory.least_squares import least_squares
-from hindrax_laboratory.measured_table import quiet
+from hindrax_laboratory.measured_table import BASIC_ESC_us, quiet
 
 COLUMNS = (
     Column("pulse_us", "pulse [us]"),
@@ -27,8 +27,6 @@ COLUMNS = (
 
 COEFFICIENTS = ("c1", "c2", "c3", "c4")
 HALF_RANGE_us = 400.0
-BASIC_ESC_us = 25.0
-"""Half width of the dead band of a Basic ESC."""
 LOW_N = 2.0
 SERVO_us = (500.0, 2500.0)
 """No servo pulse is shorter or longer."""

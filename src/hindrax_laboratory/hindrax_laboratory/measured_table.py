@@ -17,6 +17,10 @@ ZERO_PART = 1e-3
 TOLERANCE_PART, TOLERANCE_N = 0.015, 0.05
 """What leaving out a knot may cost: this part of the force there, and this force."""
 DIGITS = 3
+BASIC_ESC_us = 25.0
+"""Half width of the dead band of a Basic ESC, where a sweep has no pulse without thrust."""
+STEP_us = 1.0
+"""Of a pulse: from the last one without thrust to the first that pushes, at the least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +40,32 @@ def quiet(forces_N: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(forces_N) <= ZERO_PART * np.max(np.abs(forces_N)))
 
 
-def measured_table(sheets: Sequence[Sheet], stop_us: float = 1500.0) -> MeasuredTable:
-    """Table of sweeps by rising voltage. HindraxError where a sweep holds no thrust curve."""
-    rising = [_rising(sheet, stop_us) for sheet in sheets]
+def measured_table(
+    sheets: Sequence[Sheet], stop_us: float = 1500.0, dead_band_us: float | None = None
+) -> MeasuredTable:
+    """Make a table of sweeps.
+
+    Parameters
+    ----------
+    sheets
+        Sweeps, by rising voltage.
+    stop_us
+        Pulse at which the thruster stands [us].
+    dead_band_us
+        Half the width of the dead band [us]; pulses in it are left out. By default out to the last pulse without
+        thrust, or that of a Basic ESC.
+
+    Returns
+    -------
+    MeasuredTable
+        Forces that rise with the pulse, with only the knots that are needed.
+
+    Raises
+    ------
+    HindraxError
+        Where a sweep holds no thrust curve.
+    """
+    rising = [_rising(sheet, stop_us, dead_band_us) for sheet in sheets]
     low, high = max(float(one[0][0]) for one in rising), min(float(one[0][-1]) for one in rising)
     every = np.unique(np.concatenate([pulses for pulses, *_ in rising] + [np.array([stop_us])]))
     every = every[(every >= low) & (every <= high)]
@@ -57,13 +84,16 @@ def measured_table(sheets: Sequence[Sheet], stop_us: float = 1500.0) -> Measured
     if problems:
         raise HindraxError(f"thrust table: {'; '.join(problems[:3])}; remove outliers, or tare the load cell")
     missed = [
-        sheet.force_N - np.interp(sheet.pulse_us, knots, row) for sheet, row in zip(sheets, table.force_N, strict=True)
+        (sheet.force_N - np.interp(sheet.pulse_us, knots, row))[
+            (sheet.pulse_us <= ends[0]) | (sheet.pulse_us >= ends[1])
+        ]
+        for sheet, row, (*_, ends) in zip(sheets, table.force_N, rising, strict=True)
     ]
     rms_N = float(np.sqrt(np.mean(np.concatenate(missed) ** 2)))
     return MeasuredTable(table, tuple(ends for *_, ends in rising), rms_N, sum(sheet.pulse_us.size for sheet in sheets))
 
 
-def _rising(sheet: Sheet, stop_us: float) -> tuple[Array, Array, tuple[float, float]]:
+def _rising(sheet: Sheet, stop_us: float, dead_band_us: float | None) -> tuple[Array, Array, tuple[float, float]]:
     """Pulses and forces of a sweep that rise outside the dead band, and its ends."""
     pulses, places = np.unique(sheet.pulse_us, return_inverse=True)
     forces = np.bincount(places, sheet.force_N) / np.bincount(places)
@@ -73,6 +103,8 @@ def _rising(sheet: Sheet, stop_us: float) -> tuple[Array, Array, tuple[float, fl
             f"{where}: found pulses from {pulses[0]:g} to {pulses[-1]:g} us, wanted both sides of {stop_us:g}"
         )
     still = quiet(forces)
+    if dead_band_us is not None:
+        still |= np.abs(pulses - stop_us) < dead_band_us
     back = pulses[(pulses < stop_us) & ~still]
     forth = pulses[(pulses > stop_us) & ~still]
     if back.size < 2 or forth.size < 2:
@@ -81,7 +113,12 @@ def _rising(sheet: Sheet, stop_us: float) -> tuple[Array, Array, tuple[float, fl
         )
     # Every pulse between the innermost two that push is without thrust.
     idle = pulses[(pulses > back[-1]) & (pulses < forth[0])]
-    ends = (min(float(idle[0]), stop_us), max(float(idle[-1]), stop_us)) if idle.size else (stop_us, stop_us)
+    if dead_band_us is None and idle.size:
+        ends = (min(float(idle[0]), stop_us), max(float(idle[-1]), stop_us))
+    else:
+        half_us = BASIC_ESC_us if dead_band_us is None else dead_band_us
+        inner = (float(back[-1]) + STEP_us, float(forth[0]) - STEP_us)
+        ends = (min(max(stop_us - half_us, inner[0]), stop_us), max(min(stop_us + half_us, inner[1]), stop_us))
     below, above = pulses <= back[-1], pulses >= forth[0]
     negative = _strict(pulses[below], forces[below], where)
     mirrored = _strict(2.0 * stop_us - pulses[above][::-1], -forces[above][::-1], where)

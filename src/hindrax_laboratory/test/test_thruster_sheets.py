@@ -166,3 +166,24 @@ def test_a_sweep_of_the_wrong_sign_or_of_one_side_is_refused() -> None:
     half = PULSES[PULSES > 1500.0]
     with pytest.raises(HindraxError, match="wanted both sides of 1500"):
         measured_table([Sheet(14.0, half, law(half, 30.0, 40.0))])
+
+
+PUSHING = np.array([1100.0, 1200.0, 1400.0, 1475.0, 1525.0, 1600.0, 1800.0, 1900.0])
+"""Pulses that all push: nothing of the dead band was measured."""
+
+
+@pytest.mark.parametrize(
+    ("dead_band_us", "ends"), [(None, (1476.0, 1524.0)), (10.0, (1490.0, 1510.0)), (30.0, (1470.0, 1530.0))]
+)
+def test_a_sweep_without_zeros_has_the_dead_band_of_its_controller_or_the_one_named(
+    dead_band_us: float | None, ends: tuple[float, float]
+) -> None:
+    """It ends a microsecond before the first pulse that pushes; what pushes in a band that is named is left out."""
+    force = array(0.04 * (PUSHING - 1500.0))
+    found = measured_table([Sheet(14.8, array(PUSHING), force)], dead_band_us=dead_band_us)
+    assert found.dead_us == (ends,)
+    assert found.residual_N < 0.01
+    (row,) = found.table.force_N
+    within = [value for pulse, value in zip(found.table.pulse_us, row, strict=True) if ends[0] <= pulse <= ends[1]]
+    assert len(within) == 3
+    assert not any(within)
