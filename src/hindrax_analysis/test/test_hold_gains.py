@@ -1,6 +1,6 @@
 """Gains of a result: knobs within their ranges, robust over its uncertainty, and the same poles in an ArduSub."""
 
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,15 @@ def test_a_result_that_is_less_certain_gives_slower_holds(sure: HoldGains) -> No
         assert unsure.axes[axis].law.bandwidth_radps < sure.axes[axis].law.bandwidth_radps
         assert sure.axes[axis].margins.sensitivity <= 1.7
     assert sure.drawn == 100
+
+
+def test_axes_that_were_not_identified_are_named_as_those_of_the_vehicle_file(sure: HoldGains) -> None:
+    """Their drag and added mass are the same in every vehicle that was drawn."""
+    assert sure.assumed == ("roll", "pitch")
+    words = "# roll, pitch: not identified; drag and added mass of the vehicle file, as if they were exact.\n"
+    assert words in parameter_file(sure, "c.yaml")
+    assert words in ardusub_file(sure, "c.yaml")
+    assert "not identified" not in parameter_file(replace(sure, assumed=()), "c.yaml")
 
 
 def test_a_drag_that_is_hardly_known_makes_a_damped_hold_not_a_slow_one(sure: HoldGains) -> None:

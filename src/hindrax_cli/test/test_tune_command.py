@@ -34,6 +34,7 @@ def test_gains_are_flown_and_settle_sooner_than_those_shipped(
     assert command_line.main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["left_out"] == []
+    assert found["assumed"] == ["roll", "pitch"]
     assert found["axes"]["yaw"]["sensitivity"] <= 1.7
     for step in found["rehearsal"].values():
         assert step["settled"]
@@ -57,6 +58,7 @@ def test_files_for_our_nodes_and_for_an_ardusub(
     assert command_line.main([*words, "table"]) == 0
     printed = capsys.readouterr().out
     assert "and margins of the worst vehicle" in printed
+    assert "roll, pitch: not identified; drag and added mass of the vehicle file" in printed
     again = next(line.split()[1:] for line in printed.splitlines() if line.startswith("  ./hindrax tune "))
     again[again.index("--out") + 1] = str(tmp_path / "again.yaml")
     assert command_line.main(again) == 0, "the line that is printed does it"

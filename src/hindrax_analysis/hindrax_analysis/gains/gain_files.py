@@ -20,6 +20,7 @@ def parameter_file(gains: HoldGains, source: str) -> str:
         f"Hold gains of {gains.vehicle.name} from {source}: the fastest whose margins hold for {gains.drawn} vehicles",
         "drawn from its uncertainty. They are made for the hydrodynamics of that result: write these into the vehicle",
         "file first (`./hindrax export --to vehicle`). Use: `./hindrax up --params THIS_FILE`.",
+        *_caution(gains),
     )
     knobs = {f"holds.{name}": value for name, value in asdict(gains.holds).items()}
     knobs |= {f"station.{name}": value for name, value in asdict(gains.station).items()}
@@ -70,9 +71,14 @@ def ardusub_file(gains: HoldGains, source: str) -> str:
         f"{gains.vehicle.name} from {source}: ArduSub 4.1 to 4.6. From 4.7 on PSC_POSZ_P, PSC_VELZ_P, PSC_ACCZ_P are",
         "PSC_D_POS_P, PSC_D_VEL_P and a tenth in PSC_D_ACC_P. Its outputs have no thrust curve: right near half",
         "thrust. Load them with the vehicle disarmed, and dive with a hand on the disarm button.",
+        *_caution(gains),
     )
     head = "".join(f"# {line}\n" for line in lines)
     return head + "".join(f"{name},{value:g}\n" for name, value in ardusub_parameters(gains).items())
+
+
+def _caution(gains: HoldGains) -> tuple[str, ...]:
+    return (f"{gains.caution}.",) if gains.caution else ()
 
 
 def _cascade(one: AxisGains) -> tuple[float, float, float]:

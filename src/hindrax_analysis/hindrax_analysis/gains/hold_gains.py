@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, as_fitted
-from hindrax_analysis.exports.export_model import ExportModel, export_model
+from hindrax_analysis.exports.export_model import ExportModel, export_model, identified
 from hindrax_analysis.exports.samples import sampled_models
 from hindrax_control.hold.holds import HoldKnobs
 from hindrax_control.hold.loop_margins import (
@@ -76,6 +76,16 @@ class HoldGains:
     axes: Mapping[str, AxisGains]
     left_out: tuple[str, ...]
     drawn: int
+    assumed: tuple[str, ...] = ()
+    """Axes with the drag and added mass of the vehicle file, the same in every vehicle drawn."""
+
+    @property
+    def caution(self) -> str:
+        """What the margins do not count; empty where every axis was identified."""
+        if not self.assumed:
+            return ""
+        axes = ", ".join(self.assumed)
+        return f"{axes}: not identified; drag and added mass of the vehicle file, as if they were exact"
 
     @property
     def holds(self) -> HoldKnobs:
@@ -142,7 +152,9 @@ def hold_gains(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, compl
     saved = as_fitted(saved)
     model = export_model(saved, vehicle, source, complete=complete)
     drawn = list(sampled_models(saved, vehicle, source, VEHICLES, seed=SEED, complete=complete))
-    return designed(known(model), [known(one) for one in drawn])
+    found = designed(known(model), [known(one) for one in drawn])
+    flown = {name.partition("_")[0] for name in identified(saved)}
+    return replace(found, assumed=tuple(axis for axis in found.axes if axis not in flown))
 
 
 def known(model: ExportModel) -> Vehicle:

@@ -95,6 +95,7 @@ def _document(gains: HoldGains, rehearsal: Rehearsal) -> dict[str, object]:
             for axis, one in gains.axes.items()
         },
         "left_out": list(gains.left_out),
+        "assumed": list(gains.assumed),
         "holds": asdict(gains.holds),
         "station": asdict(gains.station),
         "ardusub": dict(ardusub_parameters(gains)),
@@ -130,6 +131,8 @@ def _show(gains: HoldGains, rehearsal: Rehearsal, typed: Sequence[str]) -> None:
     print_table("Rehearsal: settled after", ("step",), ("these gains [s]", "as shipped [s]"), steps)
     for axis in gains.left_out:
         print_fitted(f"{axis}: no thruster serves it")
+    if gains.caution:
+        print_fitted(gains.caution)
     print_fitted(f"The margins hold for {gains.drawn} vehicles drawn from the uncertainty of the result.")
     print_fitted("Next: the file of these gains, then `./hindrax up --params gains.yaml`")
     print_whole(f"  ./hindrax {shlex.join(typed)} --to hindrax --out gains.yaml")
