@@ -1,6 +1,7 @@
 """A vehicle file judged before it flies: what its thrusters serve and how hard, and what looks wrong."""
 
 import math
+import re
 from collections.abc import Mapping
 
 from hindrax_cli.health_checks import Check
@@ -25,9 +26,13 @@ NEEDED: Mapping[Capability, str] = {
     "depth": "depth",
     "velocity": "surge and sway velocity",
 }
+TURNS = (0.5 * math.pi, math.pi)
+"""A quarter and half a turn: what sensors are mounted by, here as a number of radians."""
 FLOATS_AT_MOST = 0.1
 """Net buoyancy over weight beyond which trim is implausible."""
 POSITIONS = "check unit and origin of position_m"
+RADIANS = re.compile(r"([1-6]|0(?=\.[5-9]))\.\d\d+")
+"""An angle of a thruster that was hardly measured in degrees: from 0.5 on, to a hundredth or finer."""
 RIGHTING_MARGIN = 0.8
 """Speed limit over the speed up to which a vehicle rights itself."""
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
@@ -96,6 +101,10 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     where = f"{', '.join(far)} far outside of it" if far else "within the envelope"
     found.append(Check("thruster positions", where, POSITIONS if far else ""))
     found += [Check("one position", text, "measure position_m of each") for text in same_positions(vehicle)]
+    for name in ("azimuth_deg", "elevation_deg"):
+        angles = [abs(getattr(one, name)) for one in vehicle.thrusters]
+        if max(angles) <= math.tau and any(RADIANS.fullmatch(f"{angle:g}") for angle in angles):
+            found.append(Check(name, f"up to {max(angles):g} deg", f"check the unit of {name}: likely radians"))
     found.append(_hardest(vehicle))
     reach = largest_wrench(vehicle)
     reach_N, need_N = reach["heave"], abs(vehicle.net_buoyancy_N)
@@ -157,6 +166,10 @@ def _without_dvl(vehicle: Vehicle) -> str:
 def _sensors(vehicle: Vehicle) -> list[Check]:
     far = [name for name, one in vehicle.sensors.items() if mount_outside(one.position_m, vehicle.envelope_m)]
     found = [Check("sensor positions", f"{', '.join(far)} far outside of the envelope", POSITIONS)] if far else []
+    for name, mount in vehicle.sensors.items():
+        if any(math.isclose(abs(angle), turn, rel_tol=0.01) for angle in mount.rotation_deg for turn in TURNS):
+            turned = f"turned by {' '.join(f'{angle:g}' for angle in mount.rotation_deg)} deg"
+            found.append(Check(f"rotation of {name}", turned, "check the unit of rotation_deg: likely radians"))
     for name, mount in vehicle.sensors.items():
         measures = ", ".join(one.replace("_", " ") for one in capabilities(mount))
         port = mount.port or ("on the output's line" if name in vehicle.on_output_line else "no port")

@@ -346,6 +346,27 @@ def test_moments_of_inertia_that_no_body_has_fail_the_check(inertia: tuple[float
     assert remedy in found
 
 
+@pytest.mark.parametrize(
+    ("azimuths", "rotation", "named"),
+    [
+        ((0.7854, -0.7854, 2.3562, -2.3562), 0.0, ["azimuth_deg"]),
+        ((0.96, -0.96, 2.18, -2.18), 0.0, ["azimuth_deg"]),
+        ((0.0, 0.0, 2.0, -2.5), 1.53, []),
+        ((55.0, -55.0, 125.0, -125.25), 90.0, []),
+        ((45.0, -45.0, 135.0, -135.0), -1.5708, ["rotation of dvl75"]),
+        ((45.0, -45.0, 135.0, -135.0), 3.14, ["rotation of dvl75"]),
+    ],
+    ids=["45 deg", "55 deg", "toed in", "degrees", "a quarter turn", "half a turn"],
+)
+def test_angles_in_radians_are_named(azimuths: tuple[float, ...], rotation: float, named: list[str]) -> None:
+    data = yaml.safe_load(default_vehicle().read_text())
+    for one, azimuth in zip(data["thrusters"], azimuths, strict=False):
+        one["azimuth_deg"] = azimuth
+    data["sensors"]["dvl75"]["rotation_deg"] = [0.0, 0.0, rotation]
+    odd = changed(thrusters=data["thrusters"], sensors=data["sensors"])
+    assert [one.name for one in findings(odd) if "likely radians" in one.remedy] == named
+
+
 def test_a_negative_moment_of_inertia_is_refused_and_a_center_far_outside_is_named() -> None:
     with pytest.raises(UsageError, match=r"inertia_kgm2\[0\]: found -0\.1, wanted"):
         vehicle_from_text(
