@@ -330,3 +330,31 @@ def test_no_client_arms_a_real_vehicle(
     main(["pool-test", "--session", str(day), "--action", "--uncommissioned"])
     assert (asking, flown_before) == ([guided_session.GO_ON], [[]])
     assert flown == ["legs-1-again"]
+
+
+def test_nothing_is_armed_again_while_a_weight_is_taken_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next step began by itself, seconds after "take the weight off": hands were at a vehicle that armed."""
+    day, happened = tmp_path / "day", list[str]()
+    weigh = StackStepRunner.weigh
+    flights_without_a_stack(monkeypatch)
+
+    def fly(_options: PoolOptions, folder: RunFolder, *_: object) -> FlownManeuver:
+        folder.bag.mkdir()
+        happened.append(folder.path.name)
+        return FlownManeuver(armed=True, vehicle_s=90.0)
+
+    def enter() -> bool:
+        question = asked(day)
+        assert question is not None
+        assert question.arms
+        happened.append(question.sentence)
+        return True
+
+    monkeypatch.setattr(guided_session, "fly", fly)
+    monkeypatch.setattr(StackStepRunner, "weigh", weigh)
+    monkeypatch.setattr(guided_session, "require_tty", lambda: None)
+    monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(guided_session, "entered", enter)
+    main(["pool-test", "--session", str(day), "--load", "15", "--uncommissioned"])
+    off = guided_session.TAKE_OFF
+    assert happened == [guided_session.LEAD_AWAY, "legs-1", "weigh-surge", off, "legs-2"]

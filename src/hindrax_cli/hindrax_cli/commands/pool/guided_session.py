@@ -71,6 +71,7 @@ OF_OTHER_FLIGHTS = ("plan", "until", "minutes", "fault", "simulator", "start", "
 """Options of a single flight, which a session does not keep."""
 LOAD_SIGMA = 0.002
 LEAD_AWAY = "lead the tether away: slack, afloat, its fixed end beside the middle of the legs, so that it pulls nowhere"
+TAKE_OFF = "take the weight and its line off, and keep away from the thrusters"
 GO_ON = "a client goes on with the session: see that nobody is near the thrusters, which are armed next"
 TURN_S = 0.1
 
@@ -393,9 +394,10 @@ class StackStepRunner:
         made = make_run_folder(str(folder), self._file)
         with Progress(headless=True) as progress:
             flight = fly(replace(self.options, motions=(axis,)), made, progress, act)
-        print_stderr("take the weight and its line off")
         if flight.interrupted:
+            print_stderr("take the weight and its line off")
             raise KeyboardInterrupt
+        self._await_enter(TAKE_OFF)
         if flight.aborted or not held:
             return None, flight.vehicle_s, f"aborted by {flight.aborted}"
         sigma = (LOAD_SIGMA**2 + ((LEVER_SIGMA_m / lever_m) ** 2 if axis == "yaw" else 0.0)) ** 0.5
