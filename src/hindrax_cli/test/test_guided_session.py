@@ -358,3 +358,27 @@ def test_nothing_is_armed_again_while_a_weight_is_taken_off(tmp_path: Path, monk
     main(["pool-test", "--session", str(day), "--load", "15", "--uncommissioned"])
     off = guided_session.TAKE_OFF
     assert happened == [guided_session.LEAD_AWAY, "legs-1", "weigh-surge", off, "legs-2"]
+
+
+def test_legs_that_were_aborted_are_flown_again_when_somebody_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The remedy of an abort is often a person's, such as to bring the vehicle back to the middle of the pool."""
+    day, asking = tmp_path / "day", list[str]()
+    flown = flights_without_a_stack(monkeypatch, failures=["pool_box: too near to a wall"])
+
+    def enter() -> bool:
+        question = asked(day)
+        assert question is not None
+        assert question.arms
+        assert flown == []
+        asking.append(question.sentence)
+        return True
+
+    monkeypatch.setattr(guided_session, "require_tty", lambda: None)
+    monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(guided_session, "entered", enter)
+    main(["pool-test", "--session", str(day), "--repeats", "1", "--uncommissioned"])
+    assert asking[0] == guided_session.LEAD_AWAY
+    assert asking[1:] == [guided_session.AGAIN.format("pool_box: too near to a wall")]
+    assert flown == ["legs-1-again"]

@@ -72,6 +72,7 @@ OF_OTHER_FLIGHTS = ("plan", "until", "minutes", "fault", "simulator", "start", "
 LOAD_SIGMA = 0.002
 LEAD_AWAY = "lead the tether away: slack, afloat, its fixed end beside the middle of the legs, so that it pulls nowhere"
 TAKE_OFF = "take the weight and its line off, and keep away from the thrusters"
+AGAIN = "the legs were not flown to their end ({}): see to that, and keep away from the thrusters"
 GO_ON = "a client goes on with the session: see that nobody is near the thrusters, which are armed next"
 TURN_S = 0.1
 
@@ -287,6 +288,7 @@ class StackStepRunner:
         for line in planned(self.vehicle, self.options):
             print_stderr(line)
         self.identified: Identified | None = None
+        self._aborted = ""
 
     def tether(self) -> str:
         """Ask for the tether to be led away."""
@@ -340,6 +342,7 @@ class StackStepRunner:
         KeyboardInterrupt
             After a Ctrl-C has ended the flight in neutral: it ends the session.
         """
+        self._confirm_after_abort()
         made = make_run_folder(str(folder), self._file)
         try:
             with Progress(headless=self.options.headless) as progress:
@@ -347,10 +350,18 @@ class StackStepRunner:
         except HindraxError as error:  # before it was armed: nothing was flown, and the next try may start
             shutil.rmtree(made.bag, ignore_errors=True)
             print_stderr(f"legs did not start: {error}")
-            return 0.0, str(error)
+            self._aborted = str(error)
+            return 0.0, self._aborted
         if flight.interrupted:
             raise KeyboardInterrupt
-        return flight.vehicle_s, str(flight.aborted)
+        self._aborted = str(flight.aborted)
+        return flight.vehicle_s, self._aborted
+
+    def _confirm_after_abort(self) -> None:
+        """Ask before anything is armed after an abort, whose remedy is often a person's, at the vehicle."""
+        if self._aborted and self.options.mock is None and not self._yes:
+            self._await_enter(AGAIN.format(self._aborted))
+        self._aborted = ""
 
     def weigh(self, axis: str, folder: Path, _session: PoolSession) -> tuple[AxisGain | None, float, str]:
         """Weigh with the stack and a person, or in lock-step.
@@ -380,6 +391,7 @@ class StackStepRunner:
         load_N, lever_m = self._settings["load_N"], self._settings["lever_m"] if axis == "yaw" else 1.0
         if self._yes or not load_N or not lever_m:
             return None, 0.0, "left out: wanted a person, --load and for yaw --lever"
+        self._confirm_after_abort()
         held: list[Hold] = []
 
         def act(_options: PoolOptions, operator: "Operator", progress: Progress) -> Refusal:
