@@ -222,10 +222,15 @@ def test_coefficients_predict_a_record_that_they_were_not_fitted_to(desk: Desk) 
     file, plot = desk.folder / "coefficients.yaml", desk.folder / "fresh.svg"
     desk.of_small(fitted, "--coefficients", file)
     assert main(["predict", str(file), str(fresh), "--vehicle", str(desk.small), "--plot", str(plot), "--json"]) == 0
-    surge = json.loads(desk.capsys.readouterr().out)["motions"]["surge"]
+    printed = desk.capsys.readouterr()
+    assert "another vehicle" not in printed.err
+    surge = json.loads(printed.out)["motions"]["surge"]
     assert surge["rmse"] == pytest.approx(0.02, rel=0.3)
     assert surge["rmse_stays_still"] > 0.2
     assert plot.read_text().startswith("<?xml")
+    file.write_text(file.read_text().replace("vehicle: small", "vehicle: large"))
+    assert main(["predict", str(file), str(fresh), "--vehicle", str(desk.small)]) == 0
+    assert "coefficients of large, record of small" in desk.capsys.readouterr().err
     assert main(["predict", str(file), str(fresh)]) == 2
     assert "name one with --vehicle" in desk.capsys.readouterr().err
     assert main(["predict", str(file), str(fresh), "--vehicle", str(desk.small), "--dof", "yaw"]) == 1

@@ -20,7 +20,7 @@ from hindrax_cli.command import command, option
 from hindrax_cli.commands.data.identify import add_selection, opened
 from hindrax_cli.experiment_command import add_output, require_plot, save_plot
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record, predictions_joined, with_delays_of
 from hindrax_ident.model.motion_model import motions_of
@@ -54,6 +54,11 @@ def predict(arguments: argparse.Namespace) -> int:
     saved = read_coefficients(file / "coefficients.yaml" if file.is_dir() else file)
     named, sources, task = opened(arguments)
     vehicle = named or _recorded(sources[0])
+    fitted = saved.conditions.vehicle
+    if fitted and fitted != vehicle.name:
+        print_stderr(
+            f"note: coefficients of {fitted}, record of {vehicle.name}: the error is that of another vehicle too"
+        )
     jobs = [partial(_of_record, saved, vehicle, one, task, arguments.window) for one in sources]
     with working("predicting"):
         found, reasons = _over_all([*workers_of(arguments).run(jobs)])
