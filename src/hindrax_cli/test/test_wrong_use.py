@@ -197,6 +197,22 @@ def test_parameters_that_cannot_be_read_leave_no_folder_behind(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("command", ["up", "pool-test", "commission"])
+def test_a_mock_without_a_truth_is_refused_before_anything_starts(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, command: str
+) -> None:
+    """Not by the end of the mock's log, with a folder of a run that never was."""
+    content = yaml.safe_load(default_vehicle().read_text(encoding="utf-8"))
+    del content["hydrodynamics"]
+    file, out = tmp_path / "bare.yaml", tmp_path / "run"
+    file.write_text(yaml.safe_dump(content))
+    printed = refused(capsys, command, "--mock", "--vehicle", str(file), "--out", str(out))
+    assert printed.startswith(
+        f"hindrax {command}: hindrax.hydrodynamics: missing, wanted the mock's truth; `./hindrax "
+    )
+    assert not out.exists()
+
+
 def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_starts(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

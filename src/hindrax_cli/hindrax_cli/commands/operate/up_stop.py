@@ -52,8 +52,9 @@ def mock_options(arguments: argparse.Namespace) -> MockOptions:
 
 
 def require_known(options: MockOptions, vehicle: Vehicle) -> None:
-    """UsageError for a world, a fault or a simulator that there is not, before anything starts."""
+    """UsageError for a world, a fault, a simulator or a truth that there is not, before anything starts."""
     from hindrax_sim.conditions.world_table import sizes_of  # noqa: PLC0415  # no simulator on the vehicle
+    from hindrax_sim.physics.plant import truth_of  # noqa: PLC0415  # as above
 
     sizes_of(options.world, options.seed)
     if options.simulator:
@@ -62,6 +63,8 @@ def require_known(options: MockOptions, vehicle: Vehicle) -> None:
         simulator_of(options.simulator, vehicle.name)
         if options.world != "ideal":
             raise UsageError(f"--world {options.world}: the simulator has its own water; leave it out, or say ideal")
+    else:
+        truth_of(vehicle)
     if options.faults:
         from hindrax_sim.faults.fault_registry import parse_fault  # noqa: PLC0415  # as above; takes 0.2 s
 
