@@ -853,12 +853,16 @@ def test_a_bag_of_another_vehicle_than_the_named_one_is_said(capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(("frame", "count", "x_m"), [(1, 6, 0.0), (2, 8, 0.25)])
-def test_the_file_of_a_simulator_is_of_what_it_simulates(frame: int, count: int, x_m: float, tmp_path: Path) -> None:
+def test_the_file_of_a_simulator_is_of_what_it_simulates(
+    frame: int, count: int, x_m: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """SIM_Submarine: vertical thrusters at 0.25 m along both axes, or abeam; no thrust is lost, added mass is none."""
     log, made = tmp_path / "sitl.bin", tmp_path / "mine.yaml"
     outputs = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, count + 1)}
     log.write_bytes(dataflash_of_yaw({"FRAME_CONFIG": float(frame), "SIM_BUOYANCY": 1.0} | outputs))
     assert main(["vehicle", "new", "mine", "--from", str(log), "--out", str(made)]) == 0
+    (shown,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("  ./hindrax vehicle show "))
+    assert main(["vehicle", "show", *shown.split()[3:]]) == 0, "the next command finds the file where --out put it"
     vehicle = load_vehicle(made)
     assert (vehicle.name, vehicle.losses, len(vehicle.thrusters)) == ("mine", False, count)
     assert vehicle.thrusters[4].position_m == (x_m, 0.25, 0.0)

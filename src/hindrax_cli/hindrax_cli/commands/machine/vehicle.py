@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -16,7 +17,7 @@ from hindrax_analysis.records.autopilot_vehicle import (
     wiring_of,
 )
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
-from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
+from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file, vehicle_word
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.autopilot_vehicle import asked_parameters, is_address
 from hindrax_cli.command import add_words, command, option
@@ -64,7 +65,8 @@ def new(arguments: argparse.Namespace) -> int:
         replace_text(out, text)
         answers.unlink(missing_ok=True)
     _show_checks(vehicle, out)
-    next_words = [f"vehicle show {name}", *([f"pool-test --mock --vehicle {name}"] if is_here("pool-test") else [])]
+    word = shlex.quote(vehicle_word(out))
+    next_words = [f"vehicle show {word}", *([f"pool-test --mock --vehicle {word}"] if is_here("pool-test") else [])]
     print_fitted("\n".join((f"written: {out}", *(f"  ./hindrax {words}" for words in next_words))))
     return 0
 
