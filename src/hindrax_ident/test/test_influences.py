@@ -41,16 +41,19 @@ def across(vehicle: Vehicle) -> AxisFit:
     return flight_of(vehicle, 0, SURGE, by_speed_across=True)
 
 
-def flight_of(vehicle: Vehicle, axis: int, theta: Array, *, by_speed_across: bool = False) -> AxisFit:
+def flight_of(
+    vehicle: Vehicle, axis: int, theta: Array, *, by_speed_across: bool = False, seconds: float = 63.9
+) -> AxisFit:
     model = model_of(vehicle, axis)
     flight = fly(model, theta, back_and_forth((3.2, 6.0, 9.5, 13.5), 4.0, 64.0), 0.15)
     rng = np.random.default_rng(4)
     t, v = flight.grid.times_s[::10], flight.path.v[::10]
-    measured = Series(t, v + 0.004 * rng.standard_normal(len(t)))
+    flown = t <= seconds
+    measured = Series(t[flown], (v + 0.004 * rng.standard_normal(len(t)))[flown])
     thrust = Series(flight.times_s, flight.commands)
     idling = Series(thrust.t, thrust.y**2 + 8.0)
     others = tuple(Series(t, array((one != axis) * 0.1 * np.sin((0.3 + 0.1 * one) * t))) for one in range(6))
-    record = Record(measured, thrust, (Stretch(0.0, 63.9),), effort=idling, others=others, lag_s=0.15)
+    record = Record(measured, thrust, (Stretch(0.0, seconds),), effort=idling, others=others, lag_s=0.15)
     if by_speed_across:
         record = replace(record, across=Series(t, speed_across(vehicle, axis, [one.y for one in others])))
         model = replace(model, crossed=True)
@@ -286,6 +289,13 @@ def test_what_a_remedy_leaves_is_the_band_without_its_rows(flown: AxisFit) -> No
     without = rest.drag_sensitivity(gradient, v)[0]
     assert left[WEIGH_THRUST] == pytest.approx(without @ rest.covariance @ without)
     assert min(left.values()) < every.variance(sensitivity)[0]
+
+
+def test_a_motion_that_was_cut_off_at_once_has_a_budget(vehicle: Vehicle) -> None:
+    """Shorter than what the velocities of the other axes are smoothed over."""
+    case = flight_of(vehicle, 0, SURGE, seconds=0.4)
+    assert case.others.shape == (len(case.v), 6)
+    assert np.all(np.isfinite(budget_of(case).mean))
 
 
 def test_contributions_of_some_scopes_leave_the_others_out(flown: AxisFit) -> None:

@@ -151,7 +151,8 @@ class AxisFit:
             return np.zeros((len(t), 6))
         length = self.vehicle.characteristic_length_m
         to_own = np.where(np.arange(6) >= 3, length, 1.0) / (length if self.axis >= 3 else 1.0)
-        kernel = np.ones(max(1, round(SMOOTH_S / max(1e-9, float(np.median(self.steps_s[self.steps_s > 0.0]))))))
+        wanted = round(SMOOTH_S / max(1e-9, float(np.median(self.steps_s[self.steps_s > 0.0]))))
+        kernel = np.ones(min(max(1, wanted), len(t)))  # of a flight that was cut off there is less than that
         weight = np.convolve(np.ones(len(t)), kernel, "same")
         rows = [np.convolve(np.interp(t, one.t, one.y), kernel, "same") / weight for one in self.record.others]
         return np.stack(rows, axis=1) * to_own
