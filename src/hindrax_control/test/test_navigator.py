@@ -180,15 +180,25 @@ def test_an_inertial_sensor_that_states_the_very_same_is_reported() -> None:
     assert still.frozen_s == pytest.approx(3.99, abs=0.05)
 
 
-def test_samples_of_an_autopilot_repeat_at_rest_and_are_frozen_only_where_they_claim_a_turn() -> None:
+@pytest.mark.parametrize(
+    ("rate_radps", "seconds", "frozen_s"),
+    [
+        ((0.0, 0.0, 1.2), 0.9, 0.0),  # as a SITL does in a steady turn
+        ((0.0, 0.0, 1.2), 2.0, 0.99),
+        ((0.03, 0.0, 0.0), 0.9, 0.70),  # gravity would have moved by 5 of its steps after 0.2 s
+    ],
+)
+def test_samples_of_an_autopilot_repeat_at_rest_and_for_a_while_in_a_turn_that_leaves_gravity_as_it_is(
+    rate_radps: Vec3, seconds: float, frozen_s: float
+) -> None:
     coarse = replace(CENTERED, sensors={**CENTERED.sensors, "icm20948": Mount("ardusub")})
     ride = Ride(vehicle=coarse, gyro_bias=(0.0, 0.0, 0.005))
     ride.run(4.0)
     assert ride.out[-1].reading.consistency.frozen_s == 0.0, "RAW_IMU has steps of 1 mrad/s and 1 mg"
-    stuck = Inertial((0.0, 0.0, -9.81), (0.0, 0.0, 0.03), 20.0)
-    for number in range(1, 251):
+    stuck = Inertial((0.0, 0.0, -9.81), rate_radps, 20.0)
+    for number in range(1, round(250 * seconds)):
         ride.tell(4.0 + 0.004 * number, stuck, "icm20948")
-    assert ride.out[-1].reading.consistency.frozen_s == pytest.approx(0.99, abs=0.05)
+    assert ride.out[-1].reading.consistency.frozen_s == pytest.approx(frozen_s, abs=0.05)
 
 
 def pitching_up(t: float) -> Vec3:

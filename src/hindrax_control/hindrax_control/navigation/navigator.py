@@ -44,6 +44,12 @@ GRAVITY_BOUNDS_mps2 = (8.0, 12.0)
 """Mean specific force at the start: less or more is of another unit, or gravity was taken off."""
 AT_REST_radps = 0.005
 """Rates beyond its offset within which a sensor of coarse steps repeats its samples."""
+STEADY_TURN_S, STEPS_rad = 1.0, 0.005
+"""Time for which it may repeat them in a steady turn about the vertical, and the turn of gravity that it must show.
+
+An autopilot's steps are 1 mg and 1 mrad/s, and its noise after its filter may be a tenth of that: simulated ones
+repeated a sample for up to 0.42 s while they turned.
+"""
 
 
 @dataclass(frozen=True)
@@ -99,7 +105,7 @@ class Navigator:
         self._offset = self._unknown = Offset((0.0, 0.0, 0.0), 0.5 * math.radians(knobs.offset_dps))
         self.refusals = Refusals()
         self._begin(Stamp(0))
-        self._imu = self._changed = EARLIEST
+        self._imu = self._changed = self._differed = EARLIEST
         self._sample = ZERO6
         self._disordered = 0
 
@@ -176,9 +182,19 @@ class Navigator:
             self._waiting.append((stamped.stamp, reading, source))
         return None
 
-    def _is_at_rest(self, p: float, q: float, r: float) -> bool:
-        """Whether rates of a sensor, in whatever axes, may be those of rest: its offset, to a few of its steps."""
-        return max(abs(p), abs(q), abs(r)) < AT_REST_radps + math.hypot(*self._attitude.bias_radps)
+    def _may_repeat(self, stamp: Stamp) -> bool:
+        """Whether a sensor of coarse steps, in whatever axes, can have repeated its sample since it last differed.
+
+        At rest for good; in a steady turn about the vertical, which changes nothing that it measures, for a while; in
+        any other turn only until gravity has turned by some of its steps.
+        """
+        fx, fy, fz, p, q, r = self._sample
+        offset_radps = math.hypot(*self._attitude.bias_radps)
+        if max(abs(p), abs(q), abs(r)) < AT_REST_radps + offset_radps:
+            return True
+        repeated_s = (stamp - self._differed) / NS_PER_S
+        across = math.hypot(q * fz - r * fy, r * fx - p * fz, p * fy - q * fx) / max(1.0, math.hypot(fx, fy, fz))
+        return repeated_s <= STEADY_TURN_S and (across - offset_radps) * repeated_s <= STEPS_rad
 
     def _inertial(self, stamp: Stamp, reading: Inertial, source: str) -> Stamped[Navigation] | None:
         """Add one sample to the sums of the tick; a Navigation comes back when it completes one.
@@ -195,7 +211,9 @@ class Navigator:
         self._disordered = 0
         ex, ey, ez, o, n, m = before = self._sample
         self._sample = (fx, fy, fz, p, q, r)
-        if self._sample != before or (self._coarse and self._is_at_rest(p, q, r)):
+        if self._sample != before:
+            self._changed = self._differed = stamp
+        elif self._coarse and self._may_repeat(stamp):
             self._changed = stamp
         if dt > self._knobs.longest_gap_s:
             self._restart(stamp)
