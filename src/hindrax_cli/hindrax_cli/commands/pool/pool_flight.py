@@ -75,7 +75,10 @@ def _use_autopilot(arguments: argparse.Namespace) -> tuple[str, ...]:
     if left_out:
         _say(f"--autopilot: without {', '.join(left_out)}, which are not on its line")
     if measured and not aided:
-        _say("--autopilot: its estimator claims no velocity (no DVL, no GPS), so no motion that needs one can be flown")
+        _say(
+            "--autopilot: its estimator claims no velocity (it has none without a DVL or GPS and a compass), so no "
+            "motion that needs one can be flown"
+        )
     settings = [word for one in arguments.set or () for word in ("--set", str(one))]
     proof = ("--uncommissioned",) if arguments.uncommissioned else ()
     return ("--autopilot", address, "--vehicle", str(file), *proof, *settings)
