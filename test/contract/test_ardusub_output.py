@@ -452,6 +452,11 @@ def larger(board: firmware.ArduSub) -> None:
     board.parameters |= {"FRAME_CONFIG": 2.0, "SERVO7_FUNCTION": 39.0, "SERVO8_FUNCTION": 40.0}
 
 
+def another(board: firmware.ArduSub) -> None:
+    """BLUEROV1: two of its thrusters look to where others of the file do, but not its vertical ones."""
+    board.parameters |= {"FRAME_CONFIG": 0.0}
+
+
 def turned(board: firmware.ArduSub) -> None:
     board.parameters["MOT_5_DIRECTION"] = -board.parameters["MOT_5_DIRECTION"]
 
@@ -469,6 +474,7 @@ def streamless(board: firmware.ArduSub) -> None:
         (rewired, "T3 is at output 3 in the vehicle file, where SERVO3_FUNCTION is 59, wanted a motor"),
         (rewired, "; take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"),
         (simple, "SERVO4_FUNCTION is 0, wanted a motor, 33 to 40; no file is made for this frame: describe its"),
+        (another, "its FRAME_CONFIG is 0, with 6 motors that are known, and the vehicle file has 8"),
         (turned, "its frame 2 has T5 the other way round than the vehicle file"),
         (custom, "its FRAME_CONFIG is 7"),
         (streamless, "it does not stream SERVO_OUTPUT_RAW"),
@@ -501,6 +507,14 @@ def test_motors_that_the_file_does_not_have_are_refused_by_name() -> None:
     assert "its frame 2 drives motors 7, 8 too, at outputs 7, 8, which are no thrusters of the vehicle file" in (
         bench.device.trouble
     )
+
+
+def test_the_file_of_another_frame_with_as_many_thrusters_is_not_called_one_to_be_turned() -> None:
+    bench = Bench(STANDARD)
+    another(bench.board)
+    bench.run(5.0)
+    assert "its frame 0 has T3, T4, T6 pushing across what the vehicle file says" in bench.device.trouble
+    assert "turn them" not in bench.device.trouble
 
 
 def test_a_line_that_was_lost_in_flight_comes_back_to_a_disarmed_vehicle() -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
@@ -11,14 +12,15 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, Stamped, seconds_between, stamp_from_s
 from hindrax_core.readings import Inertial, Pressure, Reading
 from hindrax_core.signals import AppliedOutput
+from hindrax_core.text.refusals import LEFT_ARMED
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_drivers.devices.ardusub import ArduSub as Sensor
 from hindrax_drivers.nodes.deadman import HUNG_S
+from hindrax_drivers.output import output_ports
 from hindrax_drivers.output.output_guard import OutputGuardKnobs, Pulses, Request, guard_of
 from hindrax_drivers.output.output_host import OutputHost
 from hindrax_drivers.output.output_ports import FOUND_WITHIN_S, LineOutput, Rider
-from hindrax_drivers.output.output_reasons import LEFT_ARMED
 from hindrax_sim.devices.ardupilot import firmware
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
@@ -136,6 +138,32 @@ def test_the_state_says_that_the_autopilot_is_still_armed_until_it_is_not(tmp_pa
         assert not board.armed
         assert told.reasons[-1].startswith("nothing was sent to the autopilot for")
         assert LEFT_ARMED not in told.reasons[-1]
+        host.end()
+
+
+def test_an_autopilot_whose_line_is_gone_in_flight_is_armed_as_far_as_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle, told = behind_ardusub(), Told()
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0) as mock:
+        output = LineOutput(mock.ports["thrusters"], ArduSub(vehicle), Beside(mock), lambda *_: None)
+        host = OutputHost(output, guard_of(vehicle, OutputGuardKnobs(arming_s=0.0, disarm_after_s=60.0)), told)
+
+        def turn(seconds: float) -> None:
+            end = mock.hardware.stamp + stamp_from_s(seconds)
+            while mock.hardware.stamp < end:
+                output.wait(min(host.turn(), Stamp(end)))
+
+        def refuse(*_: object) -> NoReturn:
+            raise DeviceError("cannot connect")
+
+        turn(1.0)
+        assert host.arm(Request(mock.hardware.stamp, 1)).accepted
+        turn(0.5)
+        monkeypatch.setattr(output_ports, "open_line", refuse)
+        host.broken("lost")
+        turn(1.5)
+        assert told.reasons[-1] == f"cannot connect; {LEFT_ARMED}"
         host.end()
 
 

@@ -29,7 +29,7 @@ from hindrax_control.pool_bounds import PoolPosition
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_core.text.refusals import Reason, Refusal
+from hindrax_core.text.refusals import LEFT_ARMED, Reason, Refusal
 from hindrax_core.topics import ESTIMATE, PLANS, THRUSTER_STATE
 from hindrax_core.vehicle import AXES, Commissioned, load_vehicle
 from hindrax_msgs.action import FlyManeuver
@@ -339,6 +339,38 @@ def test_one_goal_at_a_time_and_the_second_is_reported_so(bench: Bench, monkeypa
     assert bench.fly().reason is Reason.BUSY
     assert bench.operator.flying == "surge"
     client.destroy()
+
+
+def test_the_first_reason_of_a_disarming_stands_where_others_came_before_the_next_state(bench: Bench) -> None:
+    """An autopilot that freezes takes its sensors with it, and its output has another reason when they are back."""
+    bench.say_armed(armed=True)
+
+    def freeze() -> None:
+        bench.navigation = None
+        bench.state = ThrusterState(reason=f"the autopilot has fallen silent; {LEFT_ARMED}", pulses=[1500.0] * 8)
+        bench.when(lambda: latest(bench.operator.thrusters).reason.startswith("the autopilot"), thaw)
+
+    def thaw() -> None:
+        bench.state = ThrusterState(reason=f"still answering; {LEFT_ARMED}", pulses=[1500.0] * 8)
+        bench.when(lambda: latest(bench.operator.thrusters).reason.startswith("still"), bench.go_on)
+
+    bench.when_flying(freeze)
+    ended = bench.fly()
+    assert ended == "disarmed: the thrusters were disarmed (the autopilot has fallen silent); arm and fly again"
+
+
+def test_a_flight_whose_autopilot_is_gone_ends_by_that_and_not_by_the_state_that_went_with_it(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pilot_node, "SILENT_S", 1.0)
+    bench.say_armed(armed=True)
+
+    def kill() -> None:
+        bench.navigation = None
+        bench.state = ThrusterState(reason=f"cannot connect; {LEFT_ARMED}", pulses=[1500.0] * 8)
+
+    bench.when_flying(kill)
+    assert bench.fly() == "disarmed: the thrusters were disarmed (cannot connect); arm and fly again"
 
 
 def test_disarming_ends_it_with_the_thrusters_own_reason(bench: Bench) -> None:

@@ -28,6 +28,7 @@ from hindrax_control.maneuver.goal import (
     require_flyable,
     require_measured,
     require_ready,
+    thrusters_disarmed,
     unobeyed,
 )
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
@@ -417,9 +418,7 @@ class Pilot:
             self._keeping_station, self._station = False, None
             self._operator_wrench = None
             if self._maneuver is not None:
-                why = f" ({unarmed})" if unarmed else ""
-                sentence = f"disarmed: the thrusters were disarmed{why}; arm and fly again"
-                self._maneuver.cancel(Refusal(Reason.DISARMED, sentence), "neutral")
+                self._maneuver.cancel(thrusters_disarmed(unarmed), "neutral")
         self._armed, self._unarmed = armed, unarmed
         self._was_armed = self._was_armed or armed
 

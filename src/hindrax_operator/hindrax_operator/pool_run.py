@@ -29,10 +29,9 @@ from hindrax_control.commissioning.record import slow_sentence, slowed, unproven
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import INTERRUPTED, HindraxError
-from hindrax_core.text.refusals import NOTHING, STOPPED, Reason, Refusal
+from hindrax_core.text.refusals import LEFT_ARMED, NOTHING, STOPPED, TAKEN_OVER, Reason, Refusal
 from hindrax_core.text.screen_text import fitted, print_fitted, print_stderr, screen_width
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_drivers.output.output_reasons import LEFT_ARMED
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.operator_view import OperatorLink, OperatorView
 from hindrax_operator.progress import Progress
@@ -382,7 +381,8 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
             flight.wall_s = time.monotonic() - wall
             flight.vehicle_s = (operator.now() - begin) / 1e9
         progress.end_view()
-        progress.report(end_of_flight(operator.thrusters.reason if operator.thrusters is not None else ""))
+        reason = operator.thrusters.reason if operator.thrusters is not None else ""
+        progress.report(end_of_flight(reason, flight.aborted))
 
 
 def _fly_motions(options: PoolOptions, operator: OperatorLink, progress: Progress) -> Refusal:
@@ -396,8 +396,10 @@ def _fly_motions(options: PoolOptions, operator: OperatorLink, progress: Progres
     return aborted
 
 
-def end_of_flight(reason: str) -> str:
-    """Whether an autopilot at the far end is disarmed as well, by the reason of the state of the thrusters."""
+def end_of_flight(reason: str, aborted: str = "") -> str:
+    """Who has an autopilot at the far end now, by the reason of the state of the thrusters and that of the end."""
+    if TAKEN_OVER in aborted:
+        return "disarmed here; whoever has taken over has the vehicle, which may be armed: disarm it there"
     return (
         "disarmed; the autopilot does not say so: disarm it at a ground station" if LEFT_ARMED in reason else "disarmed"
     )

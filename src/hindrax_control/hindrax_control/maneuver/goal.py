@@ -14,7 +14,7 @@ from hindrax_control.allocation.effectiveness import Matrix, effectiveness, serv
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.sensor_table import Capability
-from hindrax_core.text.refusals import SENSELESS, Reason, Refusal
+from hindrax_core.text.refusals import SENSELESS, STILL_ARMED, Reason, Refusal
 from hindrax_core.vehicle import AXES, Vehicle
 
 ENDINGS = ("hold", "neutral")
@@ -86,6 +86,12 @@ def no_state(silent_s: float | None, stood_still_s: float, longest_s: float) -> 
     return Refusal(
         Reason.NAVIGATION, f"navigation: no state of the vehicle {since}, so the thrusters are neutral; {SENSELESS}"
     )
+
+
+def thrusters_disarmed(why: str) -> Refusal:
+    """The thrusters were disarmed in flight; `why` by their state, empty where it has no reason."""
+    because = f" ({why.removesuffix(STILL_ARMED)})" if why else ""
+    return Refusal(Reason.DISARMED, f"disarmed: the thrusters were disarmed{because}; arm and fly again")
 
 
 def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:

@@ -18,7 +18,7 @@ from hindrax_control.allocation.thrust_curve import check_pulses
 from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.commissioning.record import slow_sentence, slowed
 from hindrax_control.hold.holds import HOLDS, Setpoint
-from hindrax_control.maneuver.goal import BUSY, Goal, no_state
+from hindrax_control.maneuver.goal import BUSY, Goal, no_state, thrusters_disarmed
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput, abandoned
 from hindrax_control.maneuver.maneuver_guards import AUTO, SLOW
 from hindrax_control.maneuver.pulses import PulseManeuver
@@ -34,7 +34,7 @@ from hindrax_core.input_checks import SinglePublisher, TypedOrders, names_of_oth
 from hindrax_core.messages.contents import Read
 from hindrax_core.readings import BottomTrack, Echo, Reading, Vec6
 from hindrax_core.rotation import FSD, foreign_frame
-from hindrax_core.signals import Allocation, AppliedOutput, Estimate, Navigation
+from hindrax_core.signals import NEVER, Allocation, AppliedOutput, Estimate, Navigation
 from hindrax_core.text.refusals import (
     CANCELLED,
     NOTHING,
@@ -119,7 +119,8 @@ class PilotNode(BatchedNode):
         tuned, mock = knobs(self, PilotKnobs, self._tune, fixed=fixed), bool(self.get_parameter(CLOCK).value)
         self._pilot = Pilot(self._as_proven(vehicle, tuned.guards.unproven, mock=mock), tuned)
         self._armed, self._unarmed, self._thrusters_known = False, "", False
-        self._obeyed_at, self._unobeyed = Stamp(0), ""
+        # First reason of thrusters that were disarmed since the last cycle: without navigation others follow it.
+        self._disarmed_by, self._disarmed_at, self._obeyed_at, self._unobeyed = "", NEVER, Stamp(0), ""
         self._supply = supply
         self._allocation: Allocation | None = None
         self._names = frozenset(one.name for one in vehicle.thrusters)
@@ -200,6 +201,8 @@ class PilotNode(BatchedNode):
         self._thrusters_known = True
         if not applied.armed:
             self._unarmed = deserialized(data, ThrusterState).reason
+            if self._armed:
+                self._disarmed_by, self._disarmed_at = self._unarmed, self.now()
         self._judge_obedience(applied, data)
         self._armed = applied.armed
         if self.health is not None:
@@ -329,7 +332,8 @@ class PilotNode(BatchedNode):
             goal.maneuver.cancel()
         battery_V = self._supply.battery_V(stamped.stamp)
         state, armed = (stamped.reading, stamped.stamp, self._allocation), self._armed
-        unarmed, disobeying = self._unarmed, self._unobeyed
+        unarmed, disobeying = self._disarmed_by or self._unarmed, self._unobeyed
+        self._disarmed_by = ""
         output = self._pilot.step(*state, armed=armed, unarmed=unarmed, disobeying=disobeying, battery_V=battery_V)
         if output.suspected_fault is not None:
             self._disable_suspect(output.suspected_fault, stamped.stamp)
@@ -463,6 +467,8 @@ class PilotNode(BatchedNode):
         if silent_s <= SILENT_S or self._goal is None:
             return
         lost = no_state(silent_s if self._last_state else None, stood_still_s, SILENT_S)
+        if self._disarmed_by and seconds_between(self._last_state, self._disarmed_at) <= STATELESS_S:
+            lost = thrusters_disarmed(self._disarmed_by)  # not for want of commands: what took both had a name there
         self._pilot.abandon()
         self._maneuver.publish(pilot_messages.maneuver_to_msg(abandoned(lost), self.now()))
         self._finish_goal(self._goal, lost)

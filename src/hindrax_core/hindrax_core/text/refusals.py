@@ -122,8 +122,16 @@ THRUSTERS_BY_HAND = (
 """What to do about an ArduSub whose frame has no vehicle in the box."""
 HELD_UP = "find what held up that sensor, its line or this computer (`./hindrax doctor`), then fly again"
 """What to do about samples that were missing for a while."""
-AIDING = "check the aids of the autopilot's estimator, a DVL or GPS (QGroundControl, EKF status)"
+AIDING = "check the aids of the autopilot's estimator, a DVL or GPS and its compass (QGroundControl, EKF status)"
 """What to do instead about a velocity that only the autopilot has."""
+
+
+LEFT_ARMED = "the autopilot may still be armed, and is disarmed from here when it answers"
+"""Behind the reason of an output that is disarmed here, but not there."""
+TAKEN_OVER = "has taken over"
+"""Part of the reason of an output whose vehicle somebody else has now."""
+STILL_ARMED = f"; {LEFT_ARMED}"
+"""The same as it stands there, true for as long as the state of the thrusters has it: no end of a flight repeats it."""
 
 
 SENTENCES: Mapping[Reason, str] = {

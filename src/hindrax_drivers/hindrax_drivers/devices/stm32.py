@@ -52,7 +52,7 @@ class Stm32:
 
     baud = BAUD
     lack = ""
-    left_armed = False
+    left_armed = owned = False
     """It disarms itself, soon after the last command."""
 
     def __init__(self, channels: Sequence[int]) -> None:

@@ -12,7 +12,7 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.signals import AppliedOutput, Command
 from hindrax_core.text.coded import Coded
-from hindrax_core.text.refusals import Reason, Refusal
+from hindrax_core.text.refusals import STILL_ARMED, Reason, Refusal
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
@@ -24,7 +24,7 @@ from hindrax_drivers.output.output_guard import (
     Request,
 )
 from hindrax_drivers.output.output_ports import ThrusterOutput
-from hindrax_drivers.output.output_reasons import LEFT_ARMED, NO_REASON, OutputReason, output_reason
+from hindrax_drivers.output.output_reasons import NO_REASON, OutputReason, output_reason
 
 SET_UP_AGAIN_S = 0.5
 CHECK_S = 1.0
@@ -221,7 +221,7 @@ class OutputHost:
         state, last = self._state, self._last
         made, why = self._output.applied(last), state.reason or state.unobeyed
         if self.left_armed:
-            why = Coded(why.code, f"{why}; {LEFT_ARMED}")
+            why = Coded(why.code, f"{why}{STILL_ARMED}")
         pulses_us = made.reading.pulses_us
         applied = AppliedOutput(made.stamp, state.armed, pulses_us, last.sequence, state.armings, state.phase, why)
         self._listener.applied(applied)

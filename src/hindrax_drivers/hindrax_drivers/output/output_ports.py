@@ -154,6 +154,10 @@ class OutputDevice(Protocol):
     def left_armed(self) -> bool:
         """Whether it was armed from here, should be so no more, and does not say that it is disarmed."""
 
+    @property
+    def owned(self) -> bool:
+        """Whether it was armed from here, and was neither disarmed since nor taken over, as far as is known."""
+
 
 @dataclass(frozen=True, slots=True)
 class Rider:
@@ -266,7 +270,7 @@ class LineOutput:
 
     def left_armed(self) -> bool:
         """Whether the far end may be armed although it should not be."""
-        return self._device.left_armed
+        return self._device.left_armed or (self._port is None and self._device.owned)
 
     def shut_off(self) -> None:
         """Do nothing: it goes neutral by itself without commands."""

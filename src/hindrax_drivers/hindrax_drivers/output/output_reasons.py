@@ -59,8 +59,6 @@ SENTENCES: Mapping[OutputReason, str] = {
     OutputReason.NO_COMMAND: "no command arrives",
 }
 """The sentence of each code; what a device or a check of the graph found speaks for itself."""
-LEFT_ARMED = "the autopilot may still be armed, and is disarmed from here when it answers"
-"""Behind the reason of an output that is disarmed here, but not there."""
 NO_REASON = coded(SENTENCES, OutputReason.NONE)
 """The sentence of an armed output that obeys: empty."""
 NEW = coded(SENTENCES, OutputReason.NEW)

@@ -21,7 +21,7 @@ from enum import StrEnum
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
-from hindrax_core.text.refusals import THRUSTERS_BY_HAND
+from hindrax_core.text.refusals import TAKEN_OVER, THRUSTERS_BY_HAND
 from hindrax_core.vehicle import VEHICLE_OF_FRAME, Vehicle
 from hindrax_drivers.devices.ardupilot.link import (
     ACCEPTED,
@@ -54,8 +54,8 @@ FIRST_MOTOR, MOST_MOTORS = 33, 8
 SIX_AXES, SIX_AXES_OF_4_1, AFTER_4_1 = (4, 5, 0), (4, 1, 2), (4, 2, 0)
 """Release of ArduSub from which MANUAL_CONTROL has pitch and roll; the one of 4.1 that has them too, and its end."""
 SEVERITY_WARNING = 4
-OPPOSITE = -0.5
-"""Cosine of 120 degrees: beyond, a thruster is turned round and not only placed otherwise."""
+OPPOSITE, ALONGSIDE, ROUNDING = -0.5, 0.3, 1e-9
+"""Cosines of 120 and 73 degrees: beyond, a thruster is turned round; between 73 and 107 it is that of another frame."""
 ASK_AGAIN_S = 0.4
 """Time for an answer to arming, disarming and the mode."""
 REPEAT_S, STICKS_S = 0.1, 0.2
@@ -188,6 +188,11 @@ class ArduSub:
         """Whether it was armed from here, should be so no more, and does not say that it is disarmed."""
         unconfirmed = self._phase is Phase.LEAVING and (self._cut_off or self._tries > 1)
         return self._owned and (unconfirmed or self._phase is Phase.IDLE)
+
+    @property
+    def owned(self) -> bool:
+        """Whether it was armed from here, and neither disarmed since nor taken over, as far as is known."""
+        return self._owned
 
     # ---- the line
 
@@ -335,11 +340,8 @@ class ArduSub:
                 f"its frame {frame} drives motors {numbers} too, at outputs {outputs}, which are no thrusters of the "
                 f"vehicle file; {self._other_file()}"
             )
-        if backwards := self._backwards(frame):
-            return (
-                f"its frame {frame} has {', '.join(backwards)} the other way round than the vehicle file; turn them in"
-                f" the file{f', or {FILE_OF_LOG}' if frame in VEHICLE_OF_FRAME else ''}"
-            )
+        if other := self._find_pushes(frame):
+            return other
         if parameters.get("FS_PILOT_INPUT") == 0.0:
             return (
                 "its FS_PILOT_INPUT is 0: nothing would stop the thrusters when this computer falls silent; set it to "
@@ -361,14 +363,28 @@ class ArduSub:
         wired = {round(function) - FIRST_MOTOR + 1: output for output, function in functions.items()}
         return {number: wired[number] for number in range(1, len(FACTORS[frame]) + 1) if number in wired.keys() - known}
 
-    def _backwards(self, frame: int) -> list[str]:
-        """Thrusters that the file has the other way round than the frame: whoever pilots it by hand would know."""
+    def _find_pushes(self, frame: int) -> str:
+        """Why the thrusters of the file do not push where those of the frame do; empty where they do."""
+        if across := self._pushing(frame, -ALONGSIDE, ALONGSIDE):
+            return (
+                f"its frame {frame} has {', '.join(across)} pushing across what the vehicle file says: that is "
+                f"the file of another frame; {self._other_file()}"
+            )
+        if backwards := self._pushing(frame, -1.0, OPPOSITE):
+            return (
+                f"its frame {frame} has {', '.join(backwards)} the other way round than the vehicle file; turn them in"
+                f" the file{f', or {FILE_OF_LOG}' if frame in VEHICLE_OF_FRAME else ''}"
+            )
+        return ""
+
+    def _pushing(self, frame: int, least: float, most: float) -> list[str]:
+        """Thrusters of the file whose push has a cosine between these to the frame's: its pilot would know them."""
         found = []
         for thruster, motor in zip(self._vehicle.thrusters, self._motors, strict=True):
             sense = motor.direction * (-1.0 if thruster.reversed else 1.0)
             push = push_of(frame, motor.number)
             along = sense * sum(one * other for one, other in zip(thruster.direction, push, strict=True))
-            if along < OPPOSITE * math.hypot(*push):
+            if least - ROUNDING <= along / math.hypot(*push) < most:
                 found.append(thruster.name)
         return found
 
@@ -432,7 +448,7 @@ class ArduSub:
                 if len(self._odd) >= ODD_LIMIT:
                     asked_us = asked[-1]
                     return self._end(
-                        f"another party has taken over: {what} {index + 1} is at {value:g} us, asked was {asked_us:g}",
+                        f"another party {TAKEN_OVER}: {what} {index + 1} is at {value:g} us, asked was {asked_us:g}",
                         stamp,
                     )
                 break
@@ -452,7 +468,7 @@ class ArduSub:
             return self._end(f"the autopilot has been disarmed{self._last_words(stamp)}", stamp)
         if beat.mode != MANUAL and (self._seen_armed or late):
             mode = MODES.get(beat.mode, f"mode {beat.mode}")
-            return self._end(f"another party, or a failsafe, has taken over: {mode}{self._last_words(stamp)}", stamp)
+            return self._end(f"another party, or a failsafe, {TAKEN_OVER}: {mode}{self._last_words(stamp)}", stamp)
         return []
 
     def _watch_ourselves(self, stamp: Stamp) -> list[Output]:
