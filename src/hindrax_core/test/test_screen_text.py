@@ -11,7 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_core.text.screen_text import UNBOUNDED, fitted, fitted_description, print_fitted, screen_width
+from hindrax_core.text import screen_text
+from hindrax_core.text.screen_text import (
+    UNBOUNDED,
+    fitted,
+    fitted_description,
+    how_to_install,
+    print_fitted,
+    screen_width,
+)
 
 WORDS = st.lists(st.text("abc-/.", min_size=1, max_size=12), min_size=1, max_size=40)
 
@@ -89,3 +97,10 @@ def test_paragraphs_of_a_description_flow_and_lists_and_commands_stay() -> None:
 def test_what_a_screen_would_obey_is_shown_as_unknown(capsys: pytest.CaptureFixture[str]) -> None:
     print_fitted("topic /a\x1b[2J\x9b1m\rb\x00\n\tc é")
     assert capsys.readouterr().out == "topic /a\ufffd[2J\ufffd1m\ufffdb\ufffd\n\tc é\n"
+
+
+def test_the_wheel_is_not_told_to_set_up_a_clone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(screen_text, "FROM_WHEEL", False)
+    assert how_to_install("cluster") == '`./hindrax setup --all` installs it, or pip install "hindrax[cluster]"'
+    monkeypatch.setattr(screen_text, "FROM_WHEEL", True)
+    assert how_to_install("cluster") == 'pip install "hindrax[cluster]"'

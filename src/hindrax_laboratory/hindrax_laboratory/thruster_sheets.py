@@ -16,6 +16,7 @@ import numpy as np
 
 from hindrax_analysis.records.csv_columns import KGF, LBF, rows_of
 from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.text.screen_text import how_to_install
 from hindrax_ident.arrays import Array, array
 
 PULSE, FORCE, VOLTAGE = ("pwm", "pulse"), ("force", "thrust"), ("voltage", "supply")
@@ -96,8 +97,7 @@ def _workbook(path: Path) -> list[tuple[str, list[list[object]]]]:
         from openpyxl import load_workbook  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
         raise HindraxError(
-            f"{path}: workbooks need openpyxl; `./hindrax setup --all` installs it, "
-            'or pip install "hindrax[workbook]"; or save the sheets as CSV'
+            f"{path}: workbooks need openpyxl; {how_to_install('workbook')}; or save the sheets as CSV"
         ) from error
     try:
         book = load_workbook(path, read_only=True, data_only=True)

@@ -17,6 +17,7 @@ from operator import call
 from typing import Any, TypeVar
 
 from hindrax_core.errors import HindraxError
+from hindrax_core.text.screen_text import how_to_install
 
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
@@ -186,8 +187,7 @@ def on_cluster(
         from distributed import Client  # noqa: PLC0415  # heavy, and only wanted with --cluster
     except ImportError as error:
         raise HindraxError(
-            "--cluster needs the package `distributed`, which is not installed here; `./hindrax setup --all` installs "
-            'it, or pip install "hindrax[cluster]"'
+            f"--cluster needs the package `distributed`, which is not installed here; {how_to_install('cluster')}"
         ) from error
     try:
         client: Any = Client(address, timeout=timeout_s)  # type: ignore[no-untyped-call]  # Dask has no annotations

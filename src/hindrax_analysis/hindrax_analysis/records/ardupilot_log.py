@@ -24,6 +24,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.screen_text import how_to_install
 from hindrax_ident.arrays import Array, array
 
 Quantity: TypeAlias = Literal["velocity", "attitude", "rate", "pulses", "supply", "pressure", "status"]
@@ -297,10 +298,7 @@ def _messages(path: Path) -> Iterator[Any]:
     try:
         from pymavlink import mavutil  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
-        raise HindraxError(
-            f"{path}: logs of ArduPilot need pymavlink; `./hindrax setup --all` installs it, "
-            'or pip install "hindrax[autopilot]"'
-        ) from error
+        raise HindraxError(f"{path}: logs of ArduPilot need pymavlink; {how_to_install('autopilot')}") from error
     try:
         log = mavutil.mavlink_connection(str(path))
         while (message := log.recv_match(type=[*FIELDS, *PARAMETERS])) is not None:

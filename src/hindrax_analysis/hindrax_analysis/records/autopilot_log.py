@@ -20,6 +20,7 @@ from hindrax_analysis.records.ardupilot_log import Quantity, Tables, claimed, re
 from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.recording import Recording, wrenches_of_pulses
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.screen_text import how_to_install
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 
@@ -162,9 +163,7 @@ def _px4_tables(path: Path, channels: Sequence[int]) -> Tables:
     try:
         from pyulog import ULog  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
-        raise HindraxError(
-            f'{path}: logs of PX4 need pyulog; `./hindrax setup --all` installs it, or pip install "hindrax[autopilot]"'
-        ) from error
+        raise HindraxError(f"{path}: logs of PX4 need pyulog; {how_to_install('autopilot')}") from error
     try:
         datasets = ULog(str(path), list(PX4_FIELDS)).data_list
         found: dict[Quantity, list[tuple[Array, Array]]] = {}

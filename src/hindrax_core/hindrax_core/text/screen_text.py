@@ -118,6 +118,12 @@ def as_called(text: str) -> str:
     return text.replace("./hindrax", "hindrax") if FROM_WHEEL else text
 
 
+def how_to_install(extra: str) -> str:
+    """Remedy of a package that is missing: the extra of the wheel that holds it, and the set-up of a clone."""
+    by_pip = f'pip install "hindrax[{extra}]"'
+    return by_pip if FROM_WHEEL else f"`./hindrax setup --all` installs it, or {by_pip}"
+
+
 def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") -> None:
     """Print sentences, on a screen broken between words.
 
