@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.knobs import build
 from hindrax_core.sensor_table import SENSORS, row_of
@@ -110,6 +111,15 @@ def test_a_power_cut_leaves_nothing_of_the_machine_running(machine: Machine) -> 
         _until(partial(_runs, group, 2))
         machine.cut_power()
         _until(partial(_runs, group, 0))
+
+
+def test_a_kernel_that_ends_by_itself_is_told_with_its_last_words(machine: Machine) -> None:
+    machine.image.kernel.write_text("#!/bin/sh\necho Kernel panic >&2\nexit 1\n")
+    machine.power_on()
+    _until(lambda: "panic" in (machine.folder / "kernel.log").read_text())
+    with pytest.raises(HindraxError, match=r"the machine has ended; its last words: [^/]*Kernel panic$"):
+        machine.until("a login", lambda: False, 20.0)
+    machine.cut_power()
 
 
 def _runs(group: int, processes: int) -> bool:

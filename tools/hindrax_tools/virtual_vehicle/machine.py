@@ -5,6 +5,7 @@ seconds of this machine. Since Linux 6.16 their system calls are caught by secco
 ten times as long.
 """
 
+import contextlib
 import os
 import shlex
 import signal
@@ -26,6 +27,8 @@ BOOT_S, LONGEST_S = 90.0, 240.0
 """Longest wait for a login, and longest script."""
 ADAPTER = ("0x0403", "0x6001")
 """Vendor and product of a USB adapter that becomes a /dev/ttyUSB*."""
+SHOWN = 600
+"""Letters of what a kernel said before it ended."""
 KERNEL_WORDS = (
     *("mem=2048M", "seccomp=on", "root=/dev/ubda", "rw", f"init={NO_CLOCK}", "quiet"),
     *("console=tty0", "con=null", "ssl=null"),
@@ -95,7 +98,8 @@ class Machine:
     def cut_power(self) -> None:
         """Kill the machine in the midst of what it does: the kernel, and all that it runs."""
         if self._kernel is not None:
-            os.killpg(self._kernel.pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):  # it has ended by itself
+                os.killpg(self._kernel.pid, signal.SIGKILL)
             self._kernel.wait()
             self._kernel = None
         _call(["ssh", "-F", str(self.folder / "ssh_config"), "-O", "exit", HOST], capture_output=True)
@@ -109,7 +113,8 @@ class Machine:
         deadline = time.monotonic() + seconds
         while not seen():
             if self._kernel is None or self._kernel.poll() is not None:
-                raise HindraxError(f"the machine has ended; {self.folder / MESSAGES} says why")
+                said = (self.folder / MESSAGES).read_text(encoding="utf-8", errors="replace").strip()[-SHOWN:]
+                raise HindraxError(f"the machine has ended; its last words: {said or 'none'}")
             if time.monotonic() > deadline:
                 raise HindraxError(f"waited {seconds:.0f} s in vain for {what}")
             time.sleep(0.2)
