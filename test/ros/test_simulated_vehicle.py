@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -38,9 +39,12 @@ def test_a_vehicle_in_mujoco_is_flown_and_identified_within_its_uncertainty(
     node = [sys.executable, str(tmp_path / "lbv/ros_vehicle.py"), "--ros-args", "-p", "rate:=0.0"]
     words = ["pool-test", "--mock", "--simulator", "mujoco", "--vehicle", "lbv", "--dof", "yaw", "--json"]
     words += ["--set", "pilot.plan.turning_levels:=1"]
-    with subprocess.Popen(node, env=environment, stdout=subprocess.DEVNULL) as simulator:
+    quiet, heard = subprocess.DEVNULL, subprocess.PIPE
+    with subprocess.Popen(node, env=environment, text=True, stdout=quiet, stderr=heard) as simulator:
         done = hindrax(environment, *words, "--out", str(tmp_path / "run"))
-        simulator.terminate()
+        simulator.send_signal(signal.SIGINT)  # Ctrl-C, as the page has it run in a terminal
+        _, errors = simulator.communicate(timeout=10.0)
+    assert (simulator.returncode, "Traceback" in errors) == (0, False), errors
     assert done.returncode == 0, done.stderr[-3000:]
     yaw = json.loads(done.stdout)["motions"]["yaw"]
     truth = load_vehicle(vehicle_file("lbv")).hydrodynamics

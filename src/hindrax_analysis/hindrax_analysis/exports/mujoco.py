@@ -210,6 +210,7 @@ from pathlib import Path
 import mujoco_vehicle
 import rclpy
 from nav_msgs.msg import Odometry
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
 
 PERIOD = 0.01
@@ -264,12 +265,13 @@ class RosVehicle:
 
 
 if __name__ == "__main__":
-    rclpy.init()
+    # Ctrl-C is Python's: rclpy would close the context in the middle of a wait, which is another error each time.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         vehicle = RosVehicle(rclpy.create_node("mujoco_vehicle"))
         while rclpy.ok():
             vehicle.turn()
-    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+    except KeyboardInterrupt:
         pass
 '''
 
