@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Self
 from weakref import WeakKeyDictionary
 
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.knobs import build
 from hindrax_core.text.yaml_text import read_yaml
@@ -318,7 +318,7 @@ def _without_effect(data: bytes, offsets: Iterable[int], decode: Callable[[bytes
         turned[index] ^= 0xFF
     try:
         return repr(list(flat(decode(bytes(turned))))) == repr(list(flat(decode(data))))
-    except (ValueError, IndexError, OverflowError, struct.error):
+    except (HindraxError, ValueError, IndexError, OverflowError, struct.error):  # such as a text that is none any more
         return False
 
 
