@@ -191,6 +191,9 @@ def test_every_process_of_every_stack_is_felt(tmp_path: Path) -> None:
             (heartbeats / name).unlink()
         assert stacks_well(runtime, at_s) == (True, "pool-test surge in mock: armed")
         assert not (runtime / "4999999.pulse").exists()
+        with LivenessFile(runtime / f"{os.getppid()}.pulse") as other:
+            other.beat("up", {"ping1d": "silent"})
+            assert not stacks_well(runtime, at_s)[0], "one of two is well"
 
 
 def test_the_service_manager_is_reported(tmp_path: Path) -> None:

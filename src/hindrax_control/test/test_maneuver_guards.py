@@ -54,6 +54,11 @@ def test_nothing_is_wrong_when_all_is_well(look: Callable[..., tuple[str, ...]])
     assert look(WELL, battery_V=15.0, deadline_s=100.0, needed_axes=("surge",)) == ()
 
 
+def test_a_vehicle_whose_place_nobody_knows_is_not_flown_by_the_walls(look: Callable[..., tuple[str, ...]]) -> None:
+    (found,) = look(WELL, unplaced="the pilot had been started again, wanted a known position in the pool")
+    assert found.startswith("pool_box: the pilot had been started again, wanted a known position in the pool")
+
+
 BLOCKED = replace(WELL, velocity_mps=(0.01, 0.0, 0.0))
 
 
@@ -185,6 +190,7 @@ def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tup
     ("change", "sentence"),
     [
         ({"attitude_rad": (1.1, 0.0, 0.0)}, "attitude: tilted by 63 deg, wanted at most 55 deg"),
+        ({"attitude_rad": (0.0, -1.1, 0.0)}, "attitude: tilted by 63 deg, wanted at most 55 deg"),
         ({"attitude_rad": (0.0, 0.0, math.nan)}, "attitude: unknown"),
         ({"velocity_mps": (1.0, 0.0, 0.08)}, "speed: 1.003 m/s, wanted at most 1.000 m/s"),
         ({"velocity_mps": (0.9, 0.0, 0.6)}, "speed: 1.08 m/s, wanted at most 1.00 m/s"),

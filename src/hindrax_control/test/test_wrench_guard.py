@@ -94,6 +94,9 @@ def test_limits_of_the_vehicle_file_keep_the_direction_of_travel() -> None:
         "N: found 31, limited to 30",
     )
     assert {one.reason for one in judged.refused} == {Reason.LIMITED}
+    back = judge((-120.0, 0.0, 0.0, 0.0, 0.0, -31.0))
+    assert back.wrench == (-60.0, 0.0, 0.0, 0.0, 0.0, -30.0)
+    assert back.refused == ("X: found -120, limited to 60", "N: found -31, limited to 30")
 
 
 @given(st.tuples(*[st.floats()] * 6))

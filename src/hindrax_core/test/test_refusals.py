@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.input_checks import untimely_goal
 from hindrax_core.text.refusals import (
     CANCELLED,
     NOTHING,
@@ -22,6 +23,11 @@ from hindrax_core.text.refusals import (
     refused,
     unreadable,
 )
+
+
+def test_a_goal_by_its_stamp_is_refused_as_one_that_may_be_sent_again() -> None:
+    why = untimely_goal(Refusal(Reason.LATE, "3 s old"))
+    assert (why.reason, str(why)) == (Reason.LATE, "late: the goal is 3 s old")
 
 
 def test_what_a_guard_finds_begins_with_its_word_and_ends_with_the_remedy() -> None:

@@ -232,6 +232,15 @@ def test_a_node_that_starts_obeys_a_stop_without_being_asked(man: DeadMan) -> No
     assert man._neutral.writes == 1  # type: ignore[attr-defined]  # our own
 
 
+def test_a_node_that_has_disarmed_answers_a_stop_with_neutral(man: DeadMan) -> None:
+    child, stops = Child(0), Stops()
+    man._stops = stops  # type: ignore[assignment]  # its own request
+    child.beaten_at, child.stop_s, child.disarmed = NOW, 10.0, True
+    assert man._obeys(child, 12.0)
+    assert stops.answers == [("disarmed", True)]
+    assert child.stop_s is None
+
+
 @pytest.mark.parametrize(("waited_s", "obeys"), [(0.9, True), (1.1, False), (10.5, False)])
 def test_a_node_that_does_not_disarm_in_a_second_does_not_obey(man: DeadMan, waited_s: float, obeys: bool) -> None:
     child = Child(0, ends=False)
@@ -396,6 +405,28 @@ def test_an_output_with_a_mind_of_its_own_goes_neutral_by_itself(
     assert deadman.write_neutral(Settings(board, "/dev/ttyS0")) == 0
     assert capsys.readouterr().out == f"the {device} goes neutral by itself without commands{more}\n"
     assert rest(chip) == 0
+
+
+def test_neutral_of_forces_on_a_topic_is_zero_by_who_stands_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[str] = []
+
+    class StandsBy:
+        def __init__(self, arguments: object) -> None:
+            sent.append(f"for {arguments}")
+
+        def send(self) -> None:
+            sent.append("zeros")
+
+        def close(self) -> str:
+            return "nobody has taken them"
+
+    monkeypatch.setattr(deadman, "ZeroForces", StandsBy)
+    board = replace(VEHICLE, output=replace(VEHICLE.output, device="ros2_control"))
+    writer = deadman.NeutralWriter(Settings(board, "/{name}/reference", arguments=("--some",)))
+    writer.write()
+    assert (sent, writer.left_armed) == (["for ('--some',)", "zeros"], False)
+    writer.close()
+    assert writer.trouble == "nobody has taken them"
 
 
 def test_the_last_resort_writes_neutral_once_and_states_whether_it_is_there(

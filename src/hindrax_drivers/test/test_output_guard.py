@@ -227,6 +227,16 @@ def test_a_number_counts_once() -> None:
     assert not answer.accepted, "the same request, delivered twice"
 
 
+def test_a_number_that_has_armed_counts_no_more_after_a_fault() -> None:
+    guard = numbered(471_100, 471_200)
+    state, _ = from_terminal(guard, guard.start(at(0.0)), 0, 1.0)
+    state, why = from_terminal(guard, state, 471_100, 1.1)
+    assert why == ""
+    state = guard.restored(guard.fault(state, STUCK, at(1.2)), at(1.3))
+    _, why = from_terminal(guard, state, 471_100, 1.4)
+    assert why.endswith("sequence: 471200"), "the same request, delivered twice"
+
+
 @pytest.mark.parametrize("reason", ["", "no operator for 2 s"])
 def test_a_disarm_takes_the_number_back(reason: str) -> None:
     guard = numbered(471_100, 471_200)
@@ -504,6 +514,7 @@ def test_writes_that_keep_failing_fault_the_output_and_it_comes_back_disarmed() 
     assert pulses.thrusters == NEUTRAL
     state = GUARD.restored(state, at(9.0))
     assert (state.phase, state.reason) == (ArmingPhase.DISARMED, output_reason(OutputReason.RESTORED, fault=STUCK))
+    assert GUARD.restored(armed(), at(9.0)) == armed(), "nothing was wrong with it"
 
 
 def test_a_write_that_fails_once_does_not_put_off_the_end_by_silence() -> None:
