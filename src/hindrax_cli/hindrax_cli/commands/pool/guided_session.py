@@ -189,7 +189,7 @@ def opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
     Raises
     ------
     UsageError
-        As of `planned`.
+        As of `planned_session`.
     """
     session = planned_session(arguments)
     if goes_on(arguments):
@@ -292,8 +292,7 @@ class StackStepRunner:
 
     def tether(self) -> str:
         """Ask for the tether to be led away."""
-        if self.options.mock is None and not self._yes:
-            self._await_enter(LEAD_AWAY)
+        self._await_enter(LEAD_AWAY)
         return ""
 
     def confirm(self, session: PoolSession) -> None:
@@ -304,11 +303,16 @@ class StackStepRunner:
         session
             As it goes on.
         """
-        if self.options.mock is None and session.left and session.left[0] != TETHER:
+        if session.left and session.left[0] != TETHER:
             self._await_enter(GO_ON)
 
     def _await_enter(self, sentence: str) -> None:
-        """Ask for what arms when it is done: no client of the page or of the graph confirms it (ADR 18)."""
+        """Ask for what arms when it is done: no client of the page or of the graph confirms it (ADR 18).
+
+        In mock nobody is in the water, and with `--yes` nobody is at the terminal: then it goes on.
+        """
+        if self.options.mock is not None or self._yes:
+            return
         forget_what_was_typed()
         print_stderr(f"{sentence}; then press Enter")
         self.questions.ask(sentence, arms=True)
@@ -359,7 +363,7 @@ class StackStepRunner:
 
     def _confirm_after_abort(self) -> None:
         """Ask before anything is armed after an abort, whose remedy is often a person's, at the vehicle."""
-        if self._aborted and self.options.mock is None and not self._yes:
+        if self._aborted:
             self._await_enter(AGAIN.format(self._aborted))
         self._aborted = ""
 
