@@ -1,7 +1,6 @@
 """A vehicle file judged before it flies: what its thrusters serve and how hard, and what looks wrong."""
 
 import math
-import re
 from collections.abc import Mapping
 
 from hindrax_cli.health_checks import Check
@@ -31,8 +30,8 @@ TURNS = (0.5 * math.pi, math.pi)
 FLOATS_AT_MOST = 0.1
 """Net buoyancy over weight beyond which trim is implausible."""
 POSITIONS = "check unit and origin of position_m"
-RADIANS = re.compile(r"([1-6]|0(?=\.[5-9]))\.\d\d+")
-"""An angle of a thruster that was hardly measured in degrees: from 0.5 on, to a hundredth or finer."""
+LEAST_rad, TENTH = 0.5, 0.1
+"""From the first up to a turn in radians, and no multiple of the second: an angle that nobody measured in degrees."""
 RIGHTING_MARGIN = 0.8
 """Speed limit over the speed up to which a vehicle rights itself."""
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
@@ -103,7 +102,8 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     found += [Check("one position", text, "measure position_m of each") for text in same_positions(vehicle)]
     for name in ("azimuth_deg", "elevation_deg"):
         angles = [abs(getattr(one, name)) for one in vehicle.thrusters]
-        if max(angles) <= math.tau and any(RADIANS.fullmatch(f"{angle:g}") for angle in angles):
+        fine = (angle for angle in angles if not math.isclose(angle, TENTH * round(angle / TENTH), abs_tol=1e-9))
+        if max(angles) <= math.tau and max(fine, default=0.0) >= LEAST_rad:
             found.append(Check(name, f"up to {max(angles):g} deg", f"check the unit of {name}: likely radians"))
     found.append(_hardest(vehicle))
     reach = largest_wrench(vehicle)
