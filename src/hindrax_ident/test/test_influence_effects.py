@@ -13,6 +13,7 @@ from hindrax_ident.assess.influences import (
     GAIN,
     INFLUENCES,
     MODEL,
+    MOST_RUNS,
     OTHER_AXES,
     RUN,
     AxisFit,
@@ -344,6 +345,29 @@ def test_a_seiche_swings_in_a_pool_and_takes_the_water_along(case: AxisFit) -> N
     assert found == pytest.approx(
         of_force(SLOPE * cos - own * rate * sin, SLOPE * sin + own * rate * cos), rel=1e-3, abs=1e-4
     )
+
+
+def test_runs_that_are_pooled_have_a_seiche_and_half_of_a_current_each(case: AxisFit, fit: OutputErrorFit) -> None:
+    """Two flights of one session had seiches that cancelled as one: the pool seemed still, and its losses gone."""
+    times = array(np.where(TIMES < 3.0, TIMES, TIMES + 1000.0))
+    pooled, first = replace(case, fit=moved(fit, times=times)), (TIMES < 3.0)[:, None]
+    assert pooled.run.tolist() == [0] * 21 + [1] * 11
+    found = row("seiche").effect(pooled)
+    assert found[:, :2] == pytest.approx(np.where(first, row("seiche").effect(case), 0.0))
+    assert np.all(found[:21, 2:] == 0.0)
+    # Of another phase, and as strong.
+    assert np.linalg.norm(found[21:, 2:]) == pytest.approx(np.linalg.norm(row("seiche").effect(case)[21:]), rel=0.1)
+    flowing = row("current").effect(pooled)
+    whole = of_force(SLOPE)
+    assert flowing == pytest.approx(math.sqrt(0.5) * np.hstack([whole, whole * first, whole * ~first]))
+    assert np.sum(flowing**2, axis=1) == pytest.approx(whole[:, 0] ** 2), "as much as in a run alone"
+
+
+def test_the_longest_of_many_runs_have_unknowns_of_their_own(case: AxisFit, fit: OutputErrorFit) -> None:
+    many = array(TIMES + 1000.0 * np.minimum(np.floor(TIMES / 0.2), 9.0))
+    pooled = replace(case, fit=moved(fit, times=many))
+    assert len(set(pooled.run.tolist())) == 10
+    assert row("seiche").effect(pooled).shape == (len(TIMES), 2 * MOST_RUNS)
 
 
 def test_a_tether_pulls_back_and_drags_and_sticks(case: AxisFit) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import AXES, AxisGain, Vehicle
-from hindrax_ident.arrays import Array, array, largest
+from hindrax_ident.arrays import Array, Integers, array, largest
 from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
@@ -42,6 +42,8 @@ from hindrax_ident.tuning import Tuning
 DEADBAND_SIGMA = 0.5
 """Standard deviation of the share of thrust missing inside a dead band that no file describes [-]."""
 BETWEEN_RUNS_S = 900.0
+MOST_RUNS = 8
+"""Runs of a pooled record that have unknowns of their own, at most: their number is that of the explanations."""
 FOUND_DELAY_S = 0.1
 """Prior standard deviation of a delay that the record gave against the vehicle file."""
 INFLOW_mps, INFLOW_N = 0.5, 10.0
@@ -271,6 +273,17 @@ class AxisFit:
             out.append(v if start else v + (out[-1] - v) * one)
         return np.array(out)
 
+    @cached_property
+    def run(self) -> Integers:
+        """Number of the run of each time, where records of several are pooled: (n,), from 0."""
+        t = self.fit.problem.grid.times_s
+        return np.cumsum(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S)
+
+    def each_run(self, columns: Array) -> Array:
+        """Columns (n, k) that are unknowns of each run by itself: (n, k r), r the longest MOST_RUNS of all runs."""
+        longest = np.argsort(-np.bincount(self.run), kind="stable")[:MOST_RUNS]
+        return np.hstack([np.where(self.run[:, None] == one, columns, 0.0) for one in longest])
+
     @property
     def position(self) -> Array:
         """Position from the middle of the flown distance, in units of half of it: (n,) [-]."""
@@ -386,9 +399,9 @@ def _coasts(case: AxisFit) -> bool:
 
 def _drift(case: AxisFit) -> Array:
     """Thrust that falls evenly from the start of a run, by all in 15 min; pooled records each restart."""
-    t = case.fit.problem.grid.times_s
-    begins = np.where(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S, t, 0.0)
-    return case.of_force(-case.thrust * (t - np.maximum.accumulate(begins)) / SAG_S)
+    t, run = case.fit.problem.grid.times_s, case.run
+    begins = np.where(run > 0, t[np.searchsorted(run, run)], 0.0)
+    return case.of_force(-case.thrust * (t - begins) / SAG_S)
 
 
 def _load(case: AxisFit) -> Array:
@@ -496,15 +509,30 @@ def _friction(case: AxisFit) -> Array:
     return case.of_force(-np.tanh(case.v / max(1e-9, FRICTION_SPEED * case.speed)))
 
 
+def _current(case: AxisFit) -> Array:
+    """Water that moves along the axis: where runs are pooled, half of its variance is that of all, half each run's own.
+
+    As one for all, currents of two runs that differ cancel, and the water seems still; as one of each alone, a current
+    that is always there would be averaged away.
+    """
+    moving = case.of_force(case.slope())
+    if case.run[-1] == 0:
+        return moving
+    return math.sqrt(0.5) * np.hstack([moving, case.each_run(moving)])
+
+
 def _seiche(case: AxisFit) -> Array:
-    """Standing wave along the pool: water that moves, and takes the vehicle along as it accelerates (Froude-Krylov)."""
+    """Standing wave along the pool: water that moves, and takes the vehicle along as it accelerates (Froude-Krylov).
+
+    Each run has its own, with a phase of its own: as one for all, those of two runs cancel, and the pool seems still.
+    """
     pool = case.vehicle.pool
     rate = math.pi * math.sqrt(GRAVITY_mps2 * pool.depth_m) / pool.length_m
     phase = rate * case.fit.problem.grid.times_s
     own = case.mass - case.fit.model.rigid + case.vehicle.volume_m3 * case.vehicle.water.density_kgpm3
     parts = [case.slope() * np.cos(phase) - own * rate * np.sin(phase)]
     parts += [case.slope() * np.sin(phase) + own * rate * np.cos(phase)]
-    return case.of_force(np.stack(parts, axis=1))
+    return case.each_run(case.of_force(np.stack(parts, axis=1)))
 
 
 def _coriolis(case: AxisFit) -> Array:
@@ -647,7 +675,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "current", "m/s", MODEL,
         lambda case: case.tuning.current_sigma_mps if case.axis in HORIZONTAL else 0.0,
-        lambda case: case.of_force(case.slope()),
+        _current,
         Remedy("fly each speed both ways, in still water", condition="current"),
     ),
     Influence(
