@@ -17,7 +17,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.pool import guided_session, session_by_action
+from hindrax_cli.commands.pool import session_by_action, session_steps
 from hindrax_core.text.refusals import Reason
 from hindrax_core.topics import NAMESPACE
 from hindrax_msgs.action import RunSession
@@ -73,13 +73,13 @@ def test_a_client_joins_the_printed_graph_and_its_cancel_is_a_ctrl_c(
 ) -> None:
     printed, flying = list[str](), list[str]()
 
-    def fly(*_: object) -> None:
+    def fly(*_: object, **_named: object) -> None:
         flying.append(os.environ["ROS_DOMAIN_ID"])
         time.sleep(PATIENT_S)
 
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     monkeypatch.setattr(session_by_action, "print_stderr", printed.append)
-    monkeypatch.setattr(guided_session, "fly", fly)
+    monkeypatch.setattr(session_steps, "fly", fly)
     client = CancellingClient(printed, flying)
     assert main(["pool-test", "--session", str(tmp_path / "day"), "--mock", "--action"]) == 130
     client.join(PATIENT_S)

@@ -47,6 +47,10 @@ class StandIn:
         self._ask("tether")
         return ""
 
+    def thrusters(self, _folder: Path, _session: PoolSession) -> tuple[float, str]:
+        self._ask("thrusters")
+        return 50.0, ""
+
     def legs(self, motions: tuple[str, ...], folder: Path, _session: PoolSession) -> tuple[float, str]:
         (folder / "bag").mkdir(parents=True)
         self._ask(f"{folder.name} {' '.join(motions)}")
@@ -70,14 +74,14 @@ def test_legs_come_first_and_one_estimate_follows_all_weighings(tmp_path: Path) 
     stand = StandIn()
     done = run_steps(session_of("surge", "roll", "yaw"), tmp_path, stand)
     legs = ["legs-1 surge roll yaw", "legs-2 yaw roll surge"]
-    assert stand.asked == ["tether", legs[0], "weigh surge", "weigh yaw", legs[1]]
+    assert stand.asked == ["tether", "thrusters", legs[0], "weigh surge", "weigh yaw", legs[1]]
     assert stand.bags == [["legs-1"], ["legs-1"], ["legs-1", "legs-2"]]
     assert done.gains == {"surge": GAIN, "yaw": GAIN}
-    assert done.seconds == 60.0 + 250.0 + 250.0 + 60.0
+    assert done.seconds == 50.0 + 60.0 + 250.0 + 250.0 + 60.0
     assert [step.name for step in done.done if step.reached] == ["legs 1", "weigh yaw", "legs 2"]
 
 
-@pytest.mark.parametrize("at", range(4))
+@pytest.mark.parametrize("at", range(5))
 def test_an_interrupted_session_goes_on_with_the_step_in_hand(tmp_path: Path, at: int) -> None:
     first, second = StandIn(interrupt_at=at), StandIn()
     save(session_of("surge"), tmp_path)
@@ -87,7 +91,7 @@ def test_an_interrupted_session_goes_on_with_the_step_in_hand(tmp_path: Path, at
     kinds = [one.partition(" ")[0] for one in (*first.asked, *second.asked)]
     # The folder of the broken try stays, beside that of the step.
     names = [one.removesuffix("-again") for one in kinds]
-    assert names == ["tether", "legs-1", "weigh", "legs-2"]
+    assert names == ["tether", "thrusters", "legs-1", "weigh", "legs-2"]
     assert load(tmp_path) == done
     assert not done.left
 
@@ -98,7 +102,7 @@ def test_an_interrupted_session_goes_on_with_the_step_in_hand(tmp_path: Path, at
 )
 def test_aborted_legs_are_flown_once_more_or_said(tmp_path: Path, aborts: list[str], folder: str, remark: str) -> None:
     done = run_steps(session_of("surge", repeats=1), tmp_path, StandIn(aborts=aborts))
-    legs = done.done[1]
+    legs = done.done[2]
     assert (legs.folder, legs.remark, legs.seconds) == (folder, remark, 120.0)
     assert legs.aborted is bool(remark)
     assert not Step("weigh surge", remark="aborted by the operator").aborted, "legs are what is flown"
@@ -173,7 +177,7 @@ def test_the_next_step_is_the_cheapest_for_the_motion_farthest_from_its_goal() -
 
 
 def after_legs(session: PoolSession, reached: Mapping[str, Reached]) -> PoolSession:
-    return replace(session, done=(Step("tether"), Step("legs 1", "legs-1", reached=reached)))
+    return replace(session, done=(Step("tether"), Step("thrusters"), Step("legs 1", "legs-1", reached=reached)))
 
 
 def test_every_second_repeat_is_flown_backwards() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 import yaml
@@ -15,17 +16,23 @@ from hindrax_analysis.identification.pool_session import PoolSession, Reached, S
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.pool import guided_session, lockstep_session, session_by_action
-from hindrax_cli.commands.pool.guided_session import StackStepRunner
+from hindrax_cli.commands.pool import guided_session, lockstep_session, session_by_action, session_steps
 from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_summary
+from hindrax_cli.commands.pool.session_steps import StackStepRunner
+from hindrax_control.commissioning.findings import OPEN, PROVEN, WRONG, Finding, Findings, Mend
+from hindrax_control.commissioning.record import unproven
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Thrust
-from hindrax_core.text.refusals import NOTHING, Reason, Refusal
-from hindrax_core.vehicle import AxisGain, load_vehicle
-from hindrax_operator.pool_run import FlownManeuver, PoolOptions
+from hindrax_core.text.refusals import NOTHING, STOPPED, Reason, Refusal
+from hindrax_core.vehicle import AxisGain, Vehicle, load_vehicle
+from hindrax_operator.pool_run import Act, FlownManeuver, PoolOptions
+from hindrax_operator.progress import Progress
 from hindrax_operator.session_question import answer, asked
 from hindrax_sim.flights.weighing_flight import WeighingFlight
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
 
 
 @pytest.mark.parametrize(
@@ -67,7 +74,7 @@ def test_a_load_that_pulls_the_vehicle_away_is_refused_before_anything_starts(
 def flights_without_a_stack(
     patch: pytest.MonkeyPatch, *, interrupt: bool = False, failures: Sequence[str] = ()
 ) -> list[str]:
-    """Legs that fly nothing, weighings and estimates of fixed size; the names of what was flown."""
+    """Legs that fly nothing, checks, weighings and estimates of fixed size; the names of the legs that were flown."""
     flown, fails = list[str](), list(failures)
 
     def fly(_options: PoolOptions, folder: RunFolder, *_: object) -> FlownManeuver:
@@ -84,7 +91,8 @@ def flights_without_a_stack(
         drag = 0.2 / (len(bags) + len(session.gains))
         return {"surge": Reached(drag, 0.05, drag, drag, 0.06, "own wake", "rest between legs")}
 
-    patch.setattr(guided_session, "fly", fly)
+    patch.setattr(session_steps, "fly", fly)
+    patch.setattr(StackStepRunner, "thrusters", lambda *_: (50.0, ""))
     patch.setattr(StackStepRunner, "weigh", weigh)
     patch.setattr(StackStepRunner, "estimate", estimate)
     return flown
@@ -101,7 +109,7 @@ def test_ctrl_c_ends_a_session_that_goes_on_as_it_began(
     assert "was begun with --mock, found without" in capsys.readouterr().err
     kept = yaml.safe_load((day / "session.yaml").read_text())
     assert kept["settings"]["mock"] == {"seed": 7, "world": "pool"}
-    assert [step["name"] for step in kept["done"]] == ["tether"]
+    assert [step["name"] for step in kept["done"]] == ["tether", "thrusters"]
     flown = flights_without_a_stack(monkeypatch)
     # Bags without contents: the last identification says so, when all steps are done and kept.
     assert main(["pool-test", "--session", str(day), "--mock"]) != 0
@@ -109,7 +117,7 @@ def test_ctrl_c_ends_a_session_that_goes_on_as_it_began(
     assert flown == ["legs-1-again", "legs-2"]
     assert "weigh surge: drag of surge 20.0% -> 10.0%, wanted 5%" in said
     kept = yaml.safe_load((day / "session.yaml").read_text())
-    assert [step["name"] for step in kept["done"]] == ["tether", "legs 1", "weigh surge", "legs 2"]
+    assert [step["name"] for step in kept["done"]] == ["tether", "thrusters", "legs 1", "weigh surge", "legs 2"]
 
 
 def test_the_folder_of_a_session_is_named_once_by_either_option(
@@ -137,11 +145,11 @@ def test_a_page_shows_what_is_to_be_done_before_the_legs_and_only_enter_arms(
 
     flights_without_a_stack(monkeypatch)
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
-    monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
-    monkeypatch.setattr(guided_session, "entered", lambda: bool(asking))
+    monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(session_steps, "entered", lambda: bool(asking))
     monkeypatch.setattr("time.sleep", tap)
     main(["pool-test", "--session", str(day), "--repeats", "1", "--uncommissioned"])
-    assert asking == [guided_session.LEAD_AWAY]
+    assert asking == [session_steps.LEAD_AWAY]
     assert "then press Enter" in capsys.readouterr().err
     assert yaml.safe_load((day / "session.yaml").read_text())["done"][0]["remark"] == ""
     assert asked(day) is None
@@ -155,7 +163,7 @@ def test_legs_that_did_not_start_are_tried_once_more(
     main(["pool-test", "--session", str(day), "--mock", "--repeats", "1"])
     assert "legs did not start: the thrusters stopped arming" in capsys.readouterr().err
     assert flown == ["legs-1-again"]
-    legs = yaml.safe_load((day / "session.yaml").read_text())["done"][1]
+    legs = yaml.safe_load((day / "session.yaml").read_text())["done"][2]
     assert (legs["folder"], legs["remark"]) == ("legs-1-again", "")
 
 
@@ -266,7 +274,8 @@ def test_a_goal_chooses_motions_and_repeats_and_one_that_cannot_be_flown_is_refu
     assert "sideways" in sentence
     assert not identified
     assert flown == ["legs-1"]
-    assert server.shown == ["tether, legs 1, weigh yaw", "legs 1, weigh yaw", "weigh yaw", ""]
+    steps = ["tether", "thrusters", "legs 1", "weigh yaw"]
+    assert server.shown == [", ".join(steps[done:]) for done in range(5)]
     assert yaml.safe_load((day / "session.yaml").read_text())["settings"]["motions"] == ["yaw"]
     again = by_action(monkeypatch, (["surge"], 0), ([], 0))
     main(["pool-test", "--session", str(day), "--mock", "--action"])
@@ -315,20 +324,20 @@ def test_no_client_arms_a_real_vehicle(
         flown_before.append(list(flown))
 
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
-    monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
-    monkeypatch.setattr(guided_session, "entered", lambda: bool(asking))
+    monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(session_steps, "entered", lambda: bool(asking))
     monkeypatch.setattr("time.sleep", tap)
     by_action(monkeypatch, ([], 1))
     main(["pool-test", "--session", str(day), "--action", "--uncommissioned"])
-    assert (asking, flown_before) == ([guided_session.LEAD_AWAY], [[]])
+    assert (asking, flown_before) == ([session_steps.LEAD_AWAY], [[]])
     # Its tether was led away, so no step asks: the client that goes on waits for Enter all the same.
     kept = load(day)
-    save(replace(kept, done=kept.done[:1]), day)
+    save(replace(kept, done=kept.done[:2]), day)
     for before in (asking, flown_before, flown):
         before.clear()
     by_action(monkeypatch, ([], 0))
     main(["pool-test", "--session", str(day), "--action", "--uncommissioned"])
-    assert (asking, flown_before) == ([guided_session.GO_ON], [[]])
+    assert (asking, flown_before) == ([session_steps.GO_ON], [[]])
     assert flown == ["legs-1-again"]
 
 
@@ -350,14 +359,14 @@ def test_nothing_is_armed_again_while_a_weight_is_taken_off(tmp_path: Path, monk
         happened.append(question.sentence)
         return True
 
-    monkeypatch.setattr(guided_session, "fly", fly)
+    monkeypatch.setattr(session_steps, "fly", fly)
     monkeypatch.setattr(StackStepRunner, "weigh", weigh)
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
-    monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
-    monkeypatch.setattr(guided_session, "entered", enter)
+    monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(session_steps, "entered", enter)
     main(["pool-test", "--session", str(day), "--load", "15", "--uncommissioned"])
-    off = guided_session.TAKE_OFF
-    assert happened == [guided_session.LEAD_AWAY, "legs-1", "weigh-surge", off, "legs-2"]
+    off = session_steps.TAKE_OFF
+    assert happened == [session_steps.LEAD_AWAY, "legs-1", "weigh-surge", off, "legs-2"]
 
 
 def test_legs_that_were_aborted_are_flown_again_when_somebody_says_so(
@@ -376,9 +385,105 @@ def test_legs_that_were_aborted_are_flown_again_when_somebody_says_so(
         return True
 
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
-    monkeypatch.setattr(guided_session, "forget_what_was_typed", lambda: None)
-    monkeypatch.setattr(guided_session, "entered", enter)
+    monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(session_steps, "entered", enter)
     main(["pool-test", "--session", str(day), "--repeats", "1", "--uncommissioned"])
-    assert asking[0] == guided_session.LEAD_AWAY
-    assert asking[1:] == [guided_session.AGAIN.format("pool_box: too near to a wall")]
+    assert asking[0] == session_steps.LEAD_AWAY
+    assert asking[1:] == [session_steps.AGAIN.format("pool_box: too near to a wall")]
     assert flown == ["legs-1-again"]
+
+
+def checked(patch: pytest.MonkeyPatch, findings: Findings) -> list[str]:
+    """Have the check of the thrusters find this, on a stack that is none; the names of the legs that were flown."""
+    flown, thrusters = list[str](), StackStepRunner.thrusters
+    flights_without_a_stack(patch)
+
+    def fly(
+        options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | None = None, *, arm: bool = True
+    ) -> FlownManeuver:
+        folder.bag.mkdir()
+        if act is None:
+            flown.append(folder.path.name)
+            return FlownManeuver(armed=True, vehicle_s=90.0)
+        assert not arm, "it rests before it is armed"
+        try:
+            return FlownManeuver(act(options, cast("Operator", None), progress), armed=True, vehicle_s=50.0)
+        except KeyboardInterrupt:
+            return FlownManeuver(interrupted=True)
+
+    def commission(_operator: object, vehicle: Vehicle, *_: object, arm: bool) -> Findings:
+        assert arm
+        assert vehicle.thrusters
+        return findings
+
+    patch.setattr(session_steps, "fly", fly)
+    patch.setattr(session_steps, "commission_beside", commission)
+    patch.setattr(StackStepRunner, "thrusters", thrusters)
+    return flown
+
+
+PROOF = Finding("T1 direction", PROVEN, "pushes", "pushes")
+BACKWARD = Finding("T3 direction", WRONG, "pushes", "pulls", mends=(Mend(("thrusters", "T3", "reversed"), True),))
+DEAD = Finding("T5 output", WRONG, "T5", "turns nothing", remedy="look for its cable")
+LISTS = Finding("trim at rest", WRONG, "level", "roll +11.0 deg", remedy="add lead to port")
+HIDDEN = Finding("ping1d mount", OPEN, "looks down", "no echo")
+
+
+@pytest.mark.parametrize(
+    ("finding", "said"),
+    [
+        (BACKWARD, "(T3 direction), so no legs are flown; `./hindrax commission --vehicle lbv --write` mends it"),
+        (DEAD, "(T5 output), so no legs are flown; look for its cable"),
+    ],
+)
+def test_no_legs_are_flown_by_a_vehicle_that_is_not_as_its_file_says(
+    finding: Finding,
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    day = tmp_path / "day"
+    flown = checked(monkeypatch, Findings((PROOF, finding, LISTS)))
+    assert main(["pool-test", "--session", str(day), "--yes", "--vehicle", "lbv"]) == 1
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert flown == []
+    assert [step.name for step in load(day).done] == ["tether"], "it is checked again before anything flies"
+    assert "T1 direction" in (day / "thrusters" / "commissioning.txt").read_text()
+
+
+def test_a_file_that_is_proven_in_a_session_flies_as_fast_as_it_says_and_stays_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day, own = tmp_path / "day", tmp_path / "own.yaml"
+    own.write_text(default_vehicle().read_text())
+    before = own.read_text()
+    flown = checked(monkeypatch, Findings((PROOF,)))
+    main(["pool-test", "--session", str(day), "--yes", "--vehicle", str(own), "--repeats", "1"])
+    slow, _, fast = capsys.readouterr().err.partition("commissioned on")
+    assert "maneuvers no faster than 0.1 m/s" in slow
+    assert "plan: surge: 0.45" in fast
+    assert flown == ["legs-1"]
+    assert not unproven(load_vehicle(day / "vehicle.yaml"))
+    assert own.read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("findings", "remark"), [((PROOF, HIDDEN), "open: ping1d mount"), ((PROOF, LISTS), "wrong: trim at rest")]
+)
+def test_what_a_check_does_not_show_is_said_and_the_legs_are_flown(
+    findings: tuple[Finding, ...], remark: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day = tmp_path / "day"
+    flown = checked(monkeypatch, Findings(findings))
+    main(["pool-test", "--session", str(day), "--mock", "--repeats", "1"])
+    assert flown == ["legs-1"]
+    assert load(day).done[1].remark == remark
+    assert load(day).seconds == 50.0 + 90.0 + 200.0
+
+
+def test_a_ctrl_c_in_the_check_ends_the_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flown = checked(monkeypatch, Findings((PROOF,), ended=STOPPED))
+    assert main(["pool-test", "--session", str(tmp_path / "day"), "--mock"]) == 130
+    assert flown == []
+    assert load(tmp_path / "day").left[0] == "thrusters"

@@ -274,7 +274,9 @@ def _ends(identified: Identified, flight: FlownManeuver) -> list[str]:
     return said
 
 
-def fly(options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | None = None) -> FlownManeuver:
+def fly(
+    options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | None = None, *, arm: bool = True
+) -> FlownManeuver:
     """Have a stack started, fly the motions, end it; the bag is closed and readable when this returns.
 
     Parameters
@@ -287,6 +289,8 @@ def fly(options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | 
         Gets what happens.
     act
         Done with the armed stack in place of the motions; it returns why it was aborted.
+    arm
+        False: `act` arms, after what it does at rest.
 
     Returns
     -------
@@ -313,7 +317,7 @@ def fly(options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | 
             shutil.rmtree(folder.path, ignore_errors=True)
             raise
         with adopted(environment_beside(entry)):
-            _operate(options, flight, stack, progress, act or _fly_motions)
+            _operate(options, flight, stack, progress, act or _fly_motions, arm=arm)
         flight.facts = stack.end()
     return flight
 
@@ -329,7 +333,9 @@ def _nothing_kept(flight: FlownManeuver, folder: RunFolder) -> Iterator[None]:
         raise
 
 
-def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, progress: Progress, act: Act) -> None:
+def _operate(
+    options: PoolOptions, flight: FlownManeuver, stack: StackProcess, progress: Progress, act: Act, *, arm: bool
+) -> None:
     """Join the stack while it starts: the imports of the operator's node take as long as those of the nodes."""
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
     from hindrax_operator.nodes.orders import recentre  # noqa: PLC0415  # as above
@@ -355,19 +361,18 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "a message from the thrusters")
         await_steady_state(operator, reported, progress)
         require_measurements(reported)
-        progress.report(f"{state_before_arming(reported)}; arming, which holds neutral for the time that the ESCs need")
+        arming = "; arming, which holds neutral for the time that the ESCs need" if arm else ""
+        progress.report(f"{state_before_arming(reported)}{arming}")
         if options.plan_is_the_pilots:
-            found = operator.awaited(lambda: operator.plans, UP_S, lambda: "the plans of the pilot")
-            plans = dict(zip(found.motions, found.plans, strict=True))
-            for motion in options.motions:
-                progress.report(f"plan: {plans[motion]}")
+            _say_plans_of_the_pilot(options, operator, progress)
         if options.start is not None:
             recentre(operator, *options.start)
         with interrupted_once(), disarmed_at_the_end(operator):
-            operator.arm(seconds=ARMING_S)
+            if arm:
+                operator.arm(seconds=ARMING_S)
+                progress.report(f"armed; flying {', '.join(options.motions)}")
             flight.armed = True
             begin, wall = operator.now(), time.monotonic()
-            progress.report(f"armed; flying {', '.join(options.motions)}")
             try:
                 flight.aborted = act(options, operator, progress)
             except KeyboardInterrupt:
@@ -383,6 +388,13 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
         progress.end_view()
         reason = operator.thrusters.reason if operator.thrusters is not None else ""
         progress.report(end_of_flight(reason, flight.aborted))
+
+
+def _say_plans_of_the_pilot(options: PoolOptions, operator: Operator, progress: Progress) -> None:
+    found = operator.awaited(lambda: operator.plans, UP_S, lambda: "the plans of the pilot")
+    plans = dict(zip(found.motions, found.plans, strict=True))
+    for motion in options.motions:
+        progress.report(f"plan: {plans[motion]}")
 
 
 def _fly_motions(options: PoolOptions, operator: OperatorLink, progress: Progress) -> Refusal:

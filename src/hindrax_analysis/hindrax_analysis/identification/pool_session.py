@@ -1,7 +1,8 @@
 """A pool session: steps one after the other, one joint estimate over all, what each step bought and what the next can.
 
-Each finished step is kept in `session.yaml`, so that a session goes on where it was interrupted. The legs come first:
-a weighing improves the legs before it as well (ADR 35), and their budget says what a weighing is worth.
+Each finished step is kept in `session.yaml`, so that a session goes on where it was interrupted. What could spoil the
+day comes first: tether and thrusters. Legs come before weighings: a weighing improves the legs before it as well
+(ADR 35), and their budget says what a weighing is worth.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.remedies import WEIGH_THRUST
 
 SESSION_FILE = "session.yaml"
-TETHER, LEGS, WEIGH = "tether", "legs", "weigh"
+TETHER, THRUSTERS, LEGS, WEIGH = "tether", "thrusters", "legs", "weigh"
 WEIGHED = ("surge", "sway", "heave", "yaw")
 """Axes with a known-weight test; roll and pitch carry a load by their righting moment."""
 DRAG_GOAL, ROTATION_GOAL, MASS_GOAL = 0.05, 0.10, 0.08
@@ -115,7 +116,7 @@ class Step:
 
     @property
     def kind(self) -> str:
-        """TETHER, LEGS or WEIGH."""
+        """TETHER, THRUSTERS, LEGS or WEIGH."""
         return self.name.partition(" ")[0]
 
     @property
@@ -176,9 +177,9 @@ class PoolSession:
 
 
 def planned_steps(motions: Sequence[str], repeats: int) -> tuple[str, ...]:
-    """Names of the steps for the flown motions: legs, weighings, repeated legs."""
+    """Names of the steps for the flown motions: what a person and the vehicle check, legs, weighings, repeated legs."""
     weighings = [f"{WEIGH} {axis}" for axis in WEIGHED if axis in motions]
-    return (TETHER, f"{LEGS} 1", *weighings, *(f"{LEGS} {number}" for number in range(2, repeats + 1)))
+    return (TETHER, THRUSTERS, f"{LEGS} 1", *weighings, *(f"{LEGS} {number}" for number in range(2, repeats + 1)))
 
 
 def order_of(motions: Sequence[str], number: int) -> tuple[str, ...]:
@@ -191,6 +192,27 @@ class StepRunner(Protocol):
 
     def tether(self) -> str:
         """Have the tether led away; why not, or nothing."""
+
+    def thrusters(self, folder: Path, session: PoolSession) -> tuple[float, str]:
+        """Have every thruster and sensor prove what the vehicle file says of it (ADR 48).
+
+        Parameters
+        ----------
+        folder
+            Of the run; it does not exist yet.
+        session
+            With all that was done before.
+
+        Returns
+        -------
+        tuple[float, str]
+            Seconds in the water, and what was not proven.
+
+        Raises
+        ------
+        HindraxError
+            Where the vehicle is not as its file says: no legs may follow.
+        """
 
     def legs(self, motions: tuple[str, ...], folder: Path, session: PoolSession) -> tuple[float, str]:
         """Fly motions into a new folder.
@@ -262,7 +284,7 @@ def run_steps(
         save(session, folder)
         # Weighings one after the other need one estimate, after the last.
         more = step.kind == WEIGH and session.left and session.left[0].startswith(WEIGH)
-        if step.kind != TETHER and not more and session.folders:
+        if step.kind in {LEGS, WEIGH} and not more and session.folders:
             reached = runner.estimate([folder / one for one in session.folders], session)
             session = replace(session, done=(*session.done[:-1], replace(step, reached=reached)))
             save(session, folder)
@@ -274,6 +296,9 @@ def _do(name: str, motions: tuple[str, ...], session: PoolSession, folder: Path,
     step = Step(name)
     if step.kind == TETHER:
         return replace(step, remark=runner.tether())
+    if step.kind == THRUSTERS:
+        seconds, remark = runner.thrusters(place := _free(folder, name), session)
+        return replace(step, folder=place.name, seconds=seconds, remark=remark)
     if step.kind == WEIGH:
         gain, seconds, remark = runner.weigh(step.subject, _free(folder, name), session)
         return replace(step, gain=gain, seconds=seconds, remark=remark)

@@ -112,7 +112,7 @@ def print_sessions(document: Document) -> None:
         for one in document["motions"]
     ]
     title = (
-        f"{document['runs']} sessions of {document['minutes']:.0f} min of water: calibrated std of the drag at the "
+        f"sessions: {document['runs']}, each {document['minutes']:.0f} min of water; calibrated std of the drag at the "
         f"highest speed (medians), wanted for the added mass {MASS_GOAL:.0%}, of the 95 % intervals covered 90 %"
     )
     print_table(title, ("motion",), numbers, rows, ("largest that is left",), spare=("first legs [%]",))

@@ -3,13 +3,11 @@
 import argparse
 import math
 import shlex
-import shutil
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hindrax_analysis.coefficients_file import as_yaml
 from hindrax_analysis.identification.bag_identification import (
@@ -19,62 +17,41 @@ from hindrax_analysis.identification.bag_identification import (
     write,
     write_report,
 )
-from hindrax_analysis.identification.known_weight import Hold
-from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.identification.pool_session import (
+    LEGS,
     SESSION_FILE,
-    TETHER,
     PoolSession,
-    Reached,
     drag_goal,
     farthest_motion,
     load,
     meets,
     next_sentence,
     planned_steps,
-    reached_of,
     run_steps,
     save,
 )
-from hindrax_analysis.identification.record_identification import IdentificationTask, identify_sources, open_sources
 from hindrax_analysis.next_step import quoted_share
-from hindrax_analysis.records.third_party_bag import TopicSelection
-from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
+from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.share_files import vehicle_word
 from hindrax_bringup.stack import MockOptions, world_of_pool_test
 from hindrax_cli.commands.experiment.weigh import (
-    SHARES,
-    LEVER_SIGMA_m,
-    ask_for_load,
     check_load,
-    entered,
-    forget_what_was_typed,
     require_tty,
 )
 from hindrax_cli.commands.operate.up_stop import require_known
+from hindrax_cli.commands.pool.session_steps import StackStepRunner
 from hindrax_control.maneuver.goal import PLATEAUS, motions_to_fly
-from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
-from hindrax_core.text.refusals import NOTHING, Refusal
+from hindrax_core.text.refusals import NOTHING
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
-from hindrax_core.vehicle import AXES, AxisGain, load_vehicle
-from hindrax_operator.pool_run import ABORT, PoolOptions, fly, planned, proof_of
-from hindrax_operator.progress import Progress
-from hindrax_operator.session_question import SessionQuestions
+from hindrax_core.vehicle import load_vehicle
 
 if TYPE_CHECKING:
-    from hindrax_operator.nodes.operator_node import Operator
     from hindrax_operator.nodes.session_server import SessionServer
 
 OF_OTHER_FLIGHTS = ("plan", "until", "minutes", "fault", "simulator", "start", "autopilot", "params", "set")
 """Options of a single flight, which a session does not keep."""
-LOAD_SIGMA = 0.002
-LEAD_AWAY = "lead the tether away: slack, afloat, its fixed end beside the middle of the legs, so that it pulls nowhere"
-TAKE_OFF = "take the weight and its line off, and keep away from the thrusters"
-AGAIN = "the legs were not flown to their end ({}): see to that, and keep away from the thrusters"
-GO_ON = "a client goes on with the session: see that nobody is near the thrusters, which are armed next"
-TURN_S = 0.1
 
 
 def guide(arguments: argparse.Namespace) -> int:
@@ -150,7 +127,8 @@ def guided(
             runner.confirm(session)
         session = run_steps(session, folder.path, runner, report)
         if not session.folders:
-            raise HindraxError(f"{folder.path}: no legs were flown ({session.done[1].remark}), so there is no estimate")
+            why = next((step.remark for step in reversed(session.done) if step.kind == LEGS), "none were planned")
+            raise HindraxError(f"{folder.path}: no legs were flown ({why}), so there is no estimate")
         identified = runner.identified or runner.identify(_bags(session, folder), session)
     except KeyboardInterrupt:
         mock = " --mock" if session.settings["mock"] else ""
@@ -260,176 +238,6 @@ def _check_person(arguments: argparse.Namespace, motions: Sequence[str]) -> None
 
 def _bags(session: PoolSession, folder: RunFolder) -> list[Path]:
     return [folder.path / one / "bag" for one in session.folders]
-
-
-class StackStepRunner:
-    """Flies with the stack, each step for itself; in mock the weighing is in lock-step, in the world of the legs."""
-
-    def __init__(self, arguments: argparse.Namespace, session: PoolSession, folder: RunFolder) -> None:
-        self._settings: Mapping[str, Any] = session.settings
-        self._yes, self._file = arguments.yes, folder.vehicle
-        self.vehicle = load_vehicle(folder.vehicle)
-        mock = self._settings["mock"]
-        self.options = PoolOptions(
-            motions=tuple(self._settings["motions"]),
-            vehicle_file=folder.vehicle,
-            mock=MockOptions(mock["seed"], arguments.rate or 0.0, (), mock["world"]) if mock else None,
-            out=None,
-            seed=arguments.seed,
-            excitation=PLATEAUS,
-            on_cancel=arguments.on_cancel,
-            without_record=ABORT,
-            headless=arguments.headless or arguments.json,
-            json=arguments.json,
-            uncommissioned=arguments.uncommissioned,
-        )
-        self.questions = SessionQuestions(folder.path)
-        print_stderr(proof_of(self.vehicle, self.options).text)
-        for line in planned(self.vehicle, self.options):
-            print_stderr(line)
-        self.identified: Identified | None = None
-        self._aborted = ""
-
-    def tether(self) -> str:
-        """Ask for the tether to be led away."""
-        self._await_enter(LEAD_AWAY)
-        return ""
-
-    def confirm(self, session: PoolSession) -> None:
-        """Ask whether the vehicle may be armed, where a client goes on with a session whose tether was led away.
-
-        Parameters
-        ----------
-        session
-            As it goes on.
-        """
-        if session.left and session.left[0] != TETHER:
-            self._await_enter(GO_ON)
-
-    def _await_enter(self, sentence: str) -> None:
-        """Ask for what arms when it is done: no client of the page or of the graph confirms it (ADR 18).
-
-        In mock nobody is in the water, and with `--yes` nobody is at the terminal: then it goes on.
-        """
-        if self.options.mock is not None or self._yes:
-            return
-        forget_what_was_typed()
-        print_stderr(f"{sentence}; then press Enter")
-        self.questions.ask(sentence, arms=True)
-        while not self._ready():
-            time.sleep(TURN_S)
-
-    def _ready(self) -> bool:
-        """Whether the person has done what was asked, and says so here or on the page."""
-        ready = self.questions.answered() or entered()
-        if ready:
-            self.questions.close()
-        return ready
-
-    def legs(self, motions: tuple[str, ...], folder: Path, _session: PoolSession) -> tuple[float, str]:
-        """Fly motions.
-
-        Parameters
-        ----------
-        motions, folder
-            What is flown, and the folder of its run.
-        _session
-            As it stands; not needed.
-
-        Returns
-        -------
-        tuple[float, str]
-            Seconds in the water, and why it was aborted or did not start; empty when all was flown.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            After a Ctrl-C has ended the flight in neutral: it ends the session.
-        """
-        self._confirm_after_abort()
-        made = make_run_folder(str(folder), self._file)
-        try:
-            with Progress(headless=self.options.headless) as progress:
-                flight = fly(replace(self.options, motions=motions), made, progress)
-        except HindraxError as error:  # before it was armed: nothing was flown, and the next try may start
-            shutil.rmtree(made.bag, ignore_errors=True)
-            print_stderr(f"legs did not start: {error}")
-            self._aborted = str(error)
-            return 0.0, self._aborted
-        if flight.interrupted:
-            raise KeyboardInterrupt
-        self._aborted = str(flight.aborted)
-        return flight.vehicle_s, self._aborted
-
-    def _confirm_after_abort(self) -> None:
-        """Ask before anything is armed after an abort, whose remedy is often a person's, at the vehicle."""
-        if self._aborted:
-            self._await_enter(AGAIN.format(self._aborted))
-        self._aborted = ""
-
-    def weigh(self, axis: str, folder: Path, _session: PoolSession) -> tuple[AxisGain | None, float, str]:
-        """Weigh with the stack and a person, or in lock-step.
-
-        Parameters
-        ----------
-        axis, folder
-            What is weighed, and the folder of its run.
-        _session
-            As it stands; not needed.
-
-        Returns
-        -------
-        tuple[AxisGain | None, float, str]
-            Gain of the thrust, None without one; seconds in the water; why there is none.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            As of `legs`.
-        """
-        if (mock := self._settings["mock"]) is not None:
-            from hindrax_cli.commands.pool.lockstep_session import weigh_in_lockstep  # noqa: PLC0415  # no simulator on the vehicle
-
-            with working(f"weighing {axis} in lock-step, in the world of the legs"):
-                return weigh_in_lockstep(self.vehicle, axis, mock["world"], mock["seed"])
-        load_N, lever_m = self._settings["load_N"], self._settings["lever_m"] if axis == "yaw" else 1.0
-        if self._yes or not load_N or not lever_m:
-            return None, 0.0, "left out: wanted a person, --load and for yaw --lever"
-        self._confirm_after_abort()
-        held: list[Hold] = []
-
-        def act(_options: PoolOptions, operator: "Operator", progress: Progress) -> Refusal:
-            from hindrax_operator.weighing import weigh_on  # noqa: PLC0415  # rclpy reads the environment of the stack
-
-            loads = [share * load_N * lever_m for share in SHARES]
-            ask = partial(ask_for_load, axis, load_N, say=self.questions.ask)
-            asked = AXES.index(axis), loads
-            held.extend(weigh_on(operator, self.vehicle, *asked, ready=self._ready, ask=ask, report=progress.report))
-            return NOTHING
-
-        made = make_run_folder(str(folder), self._file)
-        with Progress(headless=True) as progress:
-            flight = fly(replace(self.options, motions=(axis,)), made, progress, act)
-        if flight.interrupted:
-            print_stderr("take the weight and its line off")
-            raise KeyboardInterrupt
-        self._await_enter(TAKE_OFF)
-        if flight.aborted or not held:
-            return None, flight.vehicle_s, f"aborted by {flight.aborted}"
-        sigma = (LOAD_SIGMA**2 + ((LEVER_SIGMA_m / lever_m) ** 2 if axis == "yaw" else 0.0)) ** 0.5
-        found = weighed(held, AXES.index(axis), prior_dynamics(self.vehicle)[axis], load_sigma=sigma)
-        return found.gain, flight.vehicle_s, ""
-
-    def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
-        """One estimate over all legs, with all gains."""
-        self.identified = self.identify([folder / "bag" for folder in bags], session)
-        return {motion: reached_of(one) for motion, one in self.identified.results.motions.items()}
-
-    def identify(self, bags: Sequence[Path], session: PoolSession) -> Identified:
-        """Identify over bags together."""
-        sources, vehicle = open_sources(bags, TopicSelection()), session.weighed(self.vehicle)
-        with working("one estimate over all legs") as reached:
-            return identify_sources(sources, vehicle, IdentificationTask(), reached=reached)
 
 
 # ---- on the terminal

@@ -102,7 +102,8 @@ def session_trial(seed: int, motions: tuple[str, ...], vehicle_file: str, world:
     vehicle = calibrated(load_vehicle(vehicle_file))
     flights: list[PoolFlight] = []
     heard: list[list[Stamped[IdentEvent]]] = []
-    session = PoolSession({"motions": list(motions)}, planned_steps(motions, repeats)[1:])
+    steps = planned_steps(motions, repeats)
+    session = PoolSession({"motions": list(motions)}, steps[steps.index(f"{LEGS} 1") :])
     results = Results({}, vehicle)
     trouble = ""
     for name in session.planned:
