@@ -40,6 +40,7 @@ from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import Assessment, unidentified
 from hindrax_ident.assess.results import MotionResult, Results, with_truth
 from hindrax_ident.model.motion_model import MOTIONS, motions_of
+from hindrax_ident.online.coupled_masses import FoundMasses, with_found_masses
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.records.feed import Feed
@@ -50,6 +51,7 @@ APART_S = 1000.0
 CSV_ENDINGS = (".csv", ".tsv", ".txt")
 TABLES = (".xlsx", ".xls", ".ods", ".mat", ".npz", ".npy", ".parquet", ".feather", ".pkl", ".h5", ".hdf5")
 """Tables of spreadsheets, MATLAB and Python, which their programs save as CSV."""
+AGAIN = ", with the masses that the axes have found"
 LONG_S = 300.0
 """Time in records from which the axes are worth a process each."""
 TRACE_S, TRACE_POINTS = 0.5, 2000.0
@@ -396,17 +398,27 @@ def _identify_recordings(
     assessments: dict[int, Assessment] = {}
     traces: dict[str, Trace] = {}
     usable_on = {axis: [one for one in recordings if not reason_to_skip(one, axis)] for axis in axes}
-    each = partial(_axis, vehicle=vehicle, tuning=tuning, traced=task.traced)
-    found = workers.run([partial(each, usable, axis) for axis, usable in usable_on.items() if usable])
+    flown = {axis: usable for axis, usable in usable_on.items() if usable}
+
+    def fit_all(masses: FoundMasses) -> list[Outcome]:
+        """One pass over all axes, in processes of their own where there are any."""
+        each = partial(_axis, vehicle=vehicle, tuning=tuning, traced=task.traced and not masses, masses=masses)
+        outcomes: list[Outcome] = []
+        jobs = [partial(each, axis, usable) for axis, usable in flown.items()]
+        for axis, (outcome, seen) in zip(flown, workers.run(jobs), strict=True):
+            progress(f"fit and uncertainty of {AXES[axis]}{AGAIN if masses else ''}")
+            outcomes.append(outcome)
+            traces.update(seen)
+        return outcomes
+
+    found = dict(zip(flown, with_found_masses(vehicle, fit_all)[0], strict=True))
     for axis, usable in usable_on.items():
         if usable:
-            progress(f"fit and uncertainty of {AXES[axis]}")
-            outcome, seen = next(found)
+            outcome = found[axis]
             against = plausibility.wrong_thrust_sign(usable, axis)
             for name, one in outcome.results.motions.items():
                 motions[name] = plausibility.with_plausibility_check(one, vehicle, against)
             assessments |= outcome.assessments
-            traces |= seen
         elif task.axes or any(has_signal(one, axis) for one in recordings):
             motions |= _skipped(recordings[0], axis)
     if not motions:
@@ -415,15 +427,16 @@ def _identify_recordings(
             motions |= _skipped(recordings[0], axis) if has_samples(recordings[0], axis) else {}
     if not motions:
         raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
-    for name, one in motions.items():
-        if task.mass_known:
-            weighed = plausibility.with_weight_check(one, vehicle)
-            motions[name] = plausibility.with_inertia_uncertainty(weighed, vehicle)
-        else:
-            kept = {key: number for key, number in one.coefficients.items() if key != "added_mass"}
-            motions[name] = replace(one, coefficients=kept)
-    results = Results(motions, vehicle)
+    results = Results({name: _weighed(one, vehicle, task) for name, one in motions.items()}, vehicle)
     return Identified(Outcome(results, assessments), results, mock=False, traces=traces)
+
+
+def _weighed(one: MotionResult, vehicle: Vehicle, task: IdentificationTask) -> MotionResult:
+    """What the mass of the vehicle file says of a motion; without one, no added mass is told."""
+    if task.mass_known:
+        return plausibility.with_inertia_uncertainty(plausibility.with_weight_check(one, vehicle), vehicle)
+    kept = {key: number for key, number in one.coefficients.items() if key != "added_mass"}
+    return replace(one, coefficients=kept)
 
 
 def _skipped(recording: Recording, axis: int) -> dict[str, MotionResult]:
@@ -432,7 +445,7 @@ def _skipped(recording: Recording, axis: int) -> dict[str, MotionResult]:
 
 
 def _axis(
-    recordings: Sequence[Recording], axis: int, vehicle: Vehicle, tuning: Tuning, *, traced: bool
+    axis: int, recordings: Sequence[Recording], vehicle: Vehicle, tuning: Tuning, masses: FoundMasses, *, traced: bool
 ) -> tuple[Outcome, dict[str, Trace]]:
     every_s = min(TRACE_S, sum(one.duration_s for one in recordings) / TRACE_POINTS) if traced else math.inf
     feed, session = Feed(vehicle, tuning), Session(vehicle, tuning, every_s=every_s)
@@ -447,7 +460,7 @@ def _axis(
             at_s = seconds_between(first, estimate.stamp)
             seen.setdefault(reading.motion, []).append((at_s, reading.values, reading.sigmas))
     traces = {motion: Trace(names[motion], *map(np.array, zip(*rows, strict=True))) for motion, rows in seen.items()}
-    return session.finalize(), traces
+    return session.finalize(found_masses=masses), traces
 
 
 def _concatenated(recordings: Sequence[Recording], axis: int) -> Iterator[Stamped[IdentEvent]]:

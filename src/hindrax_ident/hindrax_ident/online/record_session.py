@@ -13,6 +13,7 @@ from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thr
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import motions_of
+from hindrax_ident.online.coupled_masses import with_found_masses
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import StampSorter
 from hindrax_ident.tuning import Tuning, for_foreign_records
@@ -25,6 +26,7 @@ class RecordSession:
 
     def __init__(self, vehicle: Vehicle, tuning: Tuning | None = None) -> None:
         tuning = for_foreign_records(tuning or Tuning())
+        self._vehicle = vehicle
         self._sorter: StampSorter[IdentEvent] = StampSorter(tuning.reorder_s, tuning.lagging_s)
         self._sessions = [Session(vehicle, tuning) for _ in AXES]
         self._pushed = [False] * len(AXES)
@@ -35,6 +37,11 @@ class RecordSession:
         """Number of measurements dropped because they arrived too late."""
         return self._sorter.dropped
 
+    @property
+    def pushed(self) -> list[Session]:
+        """Sessions of the axes that were pushed."""
+        return [session for session, pushed in zip(self._sessions, self._pushed, strict=True) if pushed]
+
     def step(self, *measurements: Stamped[IdentEvent]) -> Iterator[Stamped[Estimate]]:
         """Add velocities, attitudes and thrusts; yield the estimates of the axes that were pushed so far."""
         for event in self._sorter.push(*measurements):
@@ -42,8 +49,10 @@ class RecordSession:
 
     def finalize(self) -> Mapping[str, MotionResult]:
         """Verdicts on the motions of the axes that were pushed; the measurements still waiting are left out."""
-        pushed = (session for session, pushed in zip(self._sessions, self._pushed, strict=True) if pushed)
-        return {name: one for session in pushed for name, one in session.finalize().results.motions.items()}
+        outcomes, _ = with_found_masses(
+            self._vehicle, lambda masses: [session.finalize(found_masses=masses) for session in self.pushed]
+        )
+        return {name: one for outcome in outcomes for name, one in outcome.results.motions.items()}
 
     def _process(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
         found: list[Stamped[Estimate]] = []

@@ -11,6 +11,7 @@ It is deterministic. Its events are in the order of their stamps; the feed sorts
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -203,7 +204,11 @@ class Session:
 
     # ---- after the run
 
-    def finalize(self, progress: Callable[[str], None] = lambda _: None) -> Outcome:
+    def finalize(
+        self,
+        progress: Callable[[str], None] = lambda _: None,
+        found_masses: Mapping[int, tuple[float, float]] = MappingProxyType({}),
+    ) -> Outcome:
         """Fit every motion flown, first each axis alone, then with what the others found; assess what came out.
 
         May be called at any time; it changes nothing that was learned.
@@ -212,6 +217,8 @@ class Session:
         ----------
         progress
             Is told what begins, such as "fit of surge, 1 of 6".
+        found_masses
+            Total masses of axes that are not flown in this session, and their deviations [kg, kg m^2].
 
         Returns
         -------
@@ -223,7 +230,7 @@ class Session:
         for index, axis in enumerate(sorted(self._axes), start=1):
             progress(f"fit of {AXES[axis]}, {index} of {len(self._axes)}")
             try:
-                drafts[axis] = self._draft(axis, self._estimated_masses(drafts))
+                drafts[axis] = self._draft(axis, self._estimated_masses(drafts, found_masses))
             except ValueError as error:
                 motions |= self._unidentified(axis, error)
         assessments, failed = assess(self.vehicle, combine_drafts(drafts), tuning=self.tuning, progress=progress)
@@ -253,8 +260,13 @@ class Session:
             return motions
         return tuple(motion for motion in motions if motion.side == side_of(assessment.record))
 
-    def _estimated_masses(self, drafts: Mapping[int, DraftFit]) -> Masses:
-        values, sigmas = zip(*(self._estimated_mass(axis, drafts.get(axis)) for axis in range(6)), strict=True)
+    def _estimated_masses(
+        self, drafts: Mapping[int, DraftFit], found: Mapping[int, tuple[float, float]] = MappingProxyType({})
+    ) -> Masses:
+        """Of all axes; `found` counts where this session has none of its own."""
+        own = ({} if axis in self._axes else found for axis in range(6))
+        pairs = (known.get(axis) or self._estimated_mass(axis, drafts.get(axis)) for axis, known in enumerate(own))
+        values, sigmas = zip(*pairs, strict=True)
         return Masses(values, sigmas)
 
     def _estimated_mass(self, axis: int, draft_fit: DraftFit | None) -> tuple[float, float]:

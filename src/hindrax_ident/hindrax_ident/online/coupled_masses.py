@@ -1,0 +1,86 @@
+"""Masses that the axes of one record take from each other, where each axis is fitted in a session of its own.
+
+Coriolis forces couple the axes by their total masses (`model.coriolis`). The session of a maneuver fits all axes, and
+has them. A session of one axis has the usual ratio to the body's instead, which is enough where one axis moves after
+the other. Where a pilot moves several at once, that makes forces wrong by as much as the drag, which is then fitted to
+them: so the axes are fitted again with the masses that the others found, until these stay.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.assessment import Assessment
+from hindrax_ident.model.coriolis import USUAL_MASS_RATIO_SIGMA
+from hindrax_ident.model.motion_model import rigid_mass
+from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.online.session import Outcome
+from hindrax_ident.records.axis_record import Record
+
+LEAST_COUPLING = 0.02
+"""Error of the coupling forces, of the thrust (root mean squares), from which the axes are fitted again [-]."""
+STAYS = 0.05
+"""Change of a mass, as a share of it, that is none [-]."""
+MOST_PASSES = 4
+FoundMasses: TypeAlias = Mapping[int, tuple[float, float]]
+"""Axis -> its total mass and the standard deviation of it [kg, kg m^2]."""
+
+
+def with_found_masses(
+    vehicle: Vehicle, fit_all: Callable[[FoundMasses], Sequence[Outcome]]
+) -> tuple[Sequence[Outcome], FoundMasses]:
+    """Fit the axes of a record, each by itself, and again with each other's masses where they move together.
+
+    Parameters
+    ----------
+    vehicle
+        Whose body no total mass is below.
+    fit_all
+        Fits all axes with the masses of some of them, and with the usual ratio for the others.
+
+    Returns
+    -------
+    tuple[Sequence[Outcome], FoundMasses]
+        Of the last fit, and the masses that it was given: none where the first one was good enough.
+    """
+    outcomes, masses = fit_all({}), dict[int, tuple[float, float]]()
+    if not any(coupling(one.record) > LEAST_COUPLING for one in _assessed(outcomes).values()):
+        return outcomes, masses
+    for _ in range(MOST_PASSES):
+        found = _found(vehicle, _assessed(outcomes))
+        if found.keys() == masses.keys() and all(
+            abs(found[axis][0] - mass) <= STAYS * mass for axis, (mass, _) in masses.items()
+        ):
+            break
+        masses, outcomes = found, fit_all(found)
+    return outcomes, masses
+
+
+def _assessed(outcomes: Sequence[Outcome]) -> dict[int, Assessment]:
+    return {axis: one for outcome in outcomes for axis, one in outcome.assessments.items()}
+
+
+def _found(vehicle: Vehicle, assessments: Mapping[int, Assessment]) -> dict[int, tuple[float, float]]:
+    """Masses that a record knows better than the usual ratio does; none is below that of the body."""
+    found = {}
+    for axis, one in assessments.items():
+        rigid = rigid_mass(vehicle, axis)
+        mass = max(rigid, float(one.fit.theta[-1]))
+        sigma = math.sqrt(max(0.0, float(one.calibrated[-1, -1])))
+        if one.fit.converged and sigma < USUAL_MASS_RATIO_SIGMA * rigid:
+            found[axis] = mass, sigma
+    return found
+
+
+def coupling(record: Record) -> float:
+    """Error of the forces by motion along other axes, of the thrust, within the stretches (root mean squares) [-]."""
+    driven = [record.thrust.between(one.start_s, one.end_s) for one in record.stretches]
+    thrust = np.concatenate([one.y for one in driven]) if driven else np.zeros(0)
+    if not np.any(thrust):
+        return 0.0
+    at_s = np.concatenate([one.t for one in driven])
+    squares = [LaggedThrust(one.t, one.y, 0.0).force(at_s) ** 2 for one in record.coriolis_errors]
+    return math.sqrt(sum(float(np.mean(one)) for one in squares) / float(np.mean(thrust**2)))
