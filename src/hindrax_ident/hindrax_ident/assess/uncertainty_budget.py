@@ -532,14 +532,20 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
     known += 0.5 * float(np.sum(along**2 * (1.0 - 1.0 / beyond) / np.maximum(power, 1.0) - np.log(beyond)))
     gradient = axes @ (along / beyond)
     root = axes * np.sqrt(np.clip(power, 0.0, MOST_INFORMATION))
-    variance = 1.0 + tails * (GREAT_INFLUENCE**2 - 1.0) * np.eye(m + 1, m)
-    for _ in range(ROUNDS):
-        covariance, log_size = _given(variance, root)
-        mean = covariance @ gradient
-        spread = np.diagonal(covariance, axis1=1, axis2=2)
-        evidence = 0.5 * (mean @ gradient - log_size - FREEDOM * np.sum(np.log(variance) + 1.0 / variance, axis=1))
+    # An influence without a tail begins as none of them does, and goes the same way: those starts are computed once.
+    begin = 1.0 + tails * (GREAT_INFLUENCE**2 - 1.0) * np.eye(m + 1, m)
+    distinct, start = np.append(np.flatnonzero(tails), m), np.append(np.where(tails, np.cumsum(tails), 0) - 1, -1)
+    variance = begin[distinct]
+    covariance, learned = _given(variance, root)
+    for _ in range(ROUNDS - 1):
+        mean, spread = covariance @ gradient, np.diagonal(covariance, axis1=1, axis2=2)
         scale = np.minimum(MOST_VARIANCE, (FREEDOM + mean**2 + spread) / (FREEDOM + 1.0))
         variance = np.where(tails, scale, 1.0)
+        covariance, learned = _given(variance, root)
+    log_size = np.linalg.slogdet(learned)[1][start]
+    variance, covariance = variance[start], covariance[start]
+    mean = covariance @ gradient
+    evidence = 0.5 * (mean @ gradient - log_size - FREEDOM * np.sum(np.log(variance) + 1.0 / variance, axis=1))
     same = np.abs(mean[:, None] - mean[None]).max(axis=2, initial=0.0) < SAME_EXPLANATION
     # One that is found from many starts counts once.
     evidence += known - np.log(same.sum(axis=1))
@@ -547,7 +553,7 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
 
 
 def _given(variance: Array, root: Array) -> tuple[Array, Array]:
-    """Covariances (k, m, m) for prior variances (k, m), and logarithms (k,) of the determinant of what was learned.
+    """Covariances (k, m, m) for prior variances (k, m), and what was learned (k, m, m): prior over posterior precision.
 
     With H = `root` root' and W the prior variances: (H + W^-1)^-1 = sqrt(W) (1 + sqrt(W) H sqrt(W))^-1 sqrt(W), in
     which nothing is divided by a small W and the inverse is always that of a matrix of at least one.
@@ -555,8 +561,7 @@ def _given(variance: Array, root: Array) -> tuple[Array, Array]:
     scale = np.sqrt(variance)
     scaled = scale[:, :, None] * root
     learned = np.eye(len(root)) + scaled @ np.swapaxes(scaled, 1, 2)
-    covariance = np.linalg.inv(learned) * scale[:, :, None] * scale[:, None, :]
-    return covariance, np.linalg.slogdet(learned)[1]
+    return np.linalg.inv(learned) * scale[:, :, None] * scale[:, None, :], learned
 
 
 def _weighed(case: AxisFit, shifts: Array) -> tuple[Array, Array]:
