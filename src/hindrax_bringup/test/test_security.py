@@ -65,8 +65,11 @@ def roles(node: str) -> list[Role]:
 
 def uses(source: Path, verbs: set[str]) -> set[Topic]:
     """Topics of the table that a file names as an argument of one of these functions."""
-    found = set()
-    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+    found: set[Topic] = set()
+    text = source.read_text(encoding="utf-8")
+    if not any(verb in text for verb in verbs):
+        return found
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in verbs:
             names = {getattr(one, "attr", getattr(one, "id", "")) for one in node.args}
             found |= {value for name in names if isinstance(value := getattr(topics, name, None), Topic)}

@@ -1,17 +1,20 @@
 """The golden cells: printed numbers of the five papers that must come out, and the misprints that must be found."""
 
+import functools
+
 import pytest
 
 from hindrax_laboratory.papers import recompute
 from hindrax_laboratory.papers.cells import Cell
 
-CELLS = recompute()
+# Every worker of a parallel run imports this file, and one of them runs it.
+all_cells = functools.cache(recompute)
 
 
 def find(paper: str, table: str, row: str, quantity: str) -> Cell:
     hits = [
         c
-        for c in CELLS
+        for c in all_cells()
         if (c.paper, c.table) == (paper, table) and c.row.startswith(row) and c.quantity.startswith(quantity)
     ]
     assert len(hits) == 1, (paper, table, row, quantity, len(hits))
@@ -40,7 +43,7 @@ def test_the_swapped_digits_of_the_heave_row_are_found() -> None:
 
 
 def test_damping_of_the_soft_springs_follows_the_undamped_formula() -> None:
-    rows = [c for c in CELLS if c.paper == "B" and "659.9" in c.row and c.quantity.startswith("c (6)")]
+    rows = [c for c in all_cells() if c.paper == "B" and "659.9" in c.row and c.quantity.startswith("c (6)")]
     assert len(rows) == 6
     assert {c.verdict for c in rows} == {"does not follow"}
     assert all("follows with m_ad of (7)" in c.note for c in rows)
@@ -85,7 +88,7 @@ def test_the_positive_thrust_row_cannot_be_a_thrust_curve() -> None:
 
 
 def test_planar_motion_tables_agree() -> None:
-    cells = [c for c in CELLS if c.paper == "C"]
+    cells = [c for c in all_cells() if c.paper == "C"]
     assert len(cells) == 14
     assert {c.verdict for c in cells} == {"agrees"}
     assert find("C", "asymmetry", "|Z_qdot", "ratio").recomputed == pytest.approx(2.11, abs=0.005)
@@ -104,7 +107,7 @@ def test_planar_motion_tables_agree() -> None:
 def test_empirical_estimate_of_three_vehicles(
     table: str, vehicle: str, printed: tuple[float, ...], relative: float
 ) -> None:
-    cells = [c for c in CELLS if (c.paper, c.table, c.row) == ("D", table, vehicle)]
+    cells = [c for c in all_cells() if (c.paper, c.table, c.row) == ("D", table, vehicle)]
     assert tuple(c.printed for c in cells) == printed
     for cell in cells:
         # The smallest added inertias are printed with two digits: half a unit of the last one is 3.6 %.
@@ -118,7 +121,7 @@ def test_misprints_of_the_thesis_are_named_by_their_correction() -> None:
     drag = find("D", "quadratic drag, thesis", "Neptunus", "quadratic drag heave")
     assert (drag.printed, drag.verdict) == (16.2536, "misprint")
     assert "19.2536" in drag.note
-    prism = [c for c in CELLS if c.table == "added mass, prism 0.13 as in the text" and c.verdict == "misprint"]
+    prism = [c for c in all_cells() if c.table == "added mass, prism 0.13 as in the text" and c.verdict == "misprint"]
     assert prism
     assert all("0.14 printed as 0.13" in c.note for c in prism)
 
@@ -129,4 +132,4 @@ def test_cfd_drag_is_exactly_62_and_0_4_not_what_the_paper_fitted() -> None:
     assert linear.recomputed == pytest.approx(62.0, abs=1e-9)
     assert quadratic.recomputed == pytest.approx(0.4, abs=1e-9)
     assert {linear.verdict, quadratic.verdict} == {"does not follow"}
-    assert {c.verdict for c in CELLS if c.paper == "E" and c.quantity == "drag"} == {"agrees"}
+    assert {c.verdict for c in all_cells() if c.paper == "E" and c.quantity == "drag"} == {"agrees"}
