@@ -35,8 +35,6 @@ DECADES = (-7.0, 3.0)
 """Range of the search, in decades of the ratio of force noise to measurement noise."""
 START_VARIANCE = 1e3
 """Variance of the velocity and the position at the start of a piece, in units of the measurement's."""
-NONZERO = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 2))
-"""Nonzero elements of a transition."""
 FLOORS = (0.0, 0.03, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 """Candidate densities independent of the thrust, as shares of the total estimate: a grid, finer towards none."""
 PENALTY = 4.0
@@ -172,7 +170,8 @@ class _Pieces:
     def __init__(self, chain: ErrorDynamics, residual: Array, main: int) -> None:
         rows, present = _piece_rows(chain.starts)
         A, Q = transitions(chain)
-        self._A, self._Q = A[rows], Q[rows]
+        # (length, 3, 3, pieces, 1), for all candidates.
+        self._A, self._Q = (np.moveaxis(one[rows], 1, -1)[..., None].copy() for one in (A, Q))
         self._channel, self._counts = chain.channel[rows], chain.counts[rows] & present
         self._thrust, self._residual = chain.thrust[rows], residual[rows]
         self.mean_thrust = max(1e-300, float(self._thrust.mean()))
@@ -199,39 +198,43 @@ class _Pieces:
         infinite where the filter diverges: such a candidate is never the most likely one.
         """
         # The recursion of `whitening.gains` and of its state (v, s, a) together, one entry per piece and candidate.
+        # Arrays are small, so what counts is how many operations a step has: the covariance and, as a fourth column,
+        # the state are one array X, (3, 4, pieces, g). Its upper triangle alone is computed, and mirrored to be read.
         # A piece begins in the middle of a motion, so its state is unknown: variances of START_VARIANCE, not zero.
         density = force + self._thrust[:, :, None] * thrust
         variances = np.ones_like([force, force])
         variances[1 - self._main] = 10.0**other
-        vv = ss = START_VARIANCE * variances.max(axis=0)
-        aa = density[0] / (2.0 * self._memory_s)
-        vs = va = sa = v = s = a = squares = logs = np.zeros(len(force))
-        for k, (A, Q, q) in enumerate(zip(self._A[:, :, :, :, None], self._Q[:, :, :, :, None], density, strict=True)):
+        X = np.zeros((3, 4, *density[0].shape))
+        X[0, 0] = X[1, 1] = START_VARIANCE * variances.max(axis=0)
+        X[2, 2] = density[0] / (2.0 * self._memory_s)
+        squares = logs = np.zeros(len(force))
+        both = bool(np.any(self._channel != self._main))
+        for k, (A, Q, q) in enumerate(zip(self._A, self._Q, density, strict=True)):
             if k:
-                A00, A01, A02, A10, A11, A12, A22 = (A[:, i, j] for i, j in NONZERO)
-                pv = A00 * vv + A01 * vs + A02 * va
-                ps = A00 * vs + A01 * ss + A02 * sa
-                pa = A00 * va + A01 * sa + A02 * aa
-                rv = A10 * vv + A11 * vs + A12 * va
-                rs = A10 * vs + A11 * ss + A12 * sa
-                ra = A10 * va + A11 * sa + A12 * aa
-                v, s, a = A00 * v + A01 * s + A02 * a, A10 * v + A11 * s + A12 * a, A22 * a
-                vv = pv * A00 + ps * A01 + pa * A02 + Q[:, 0, 0] * q
-                vs = pv * A10 + ps * A11 + pa * A12 + Q[:, 0, 1] * q
-                va = pa * A22 + Q[:, 0, 2] * q
-                ss = rv * A10 + rs * A11 + ra * A12 + Q[:, 1, 1] * q
-                sa = ra * A22 + Q[:, 1, 2] * q
-                aa = A22 * A22 * aa + Q[:, 2, 2] * q
-            is_position, counts = self._channel[k][:, None] == 1, self._counts[k][:, None]
-            hv, hs, ha = np.where(is_position, vs, vv), np.where(is_position, ss, vs), np.where(is_position, sa, va)
-            total = np.where(is_position, hs, hv) + variances[self._channel[k]]
-            error = self._residual[k][:, None] - np.where(is_position, s, v)
-            squares, logs = squares + counts * error * error / total, logs + counts * np.log(total)
-            weight = counts / total
-            kv, ks, ka = hv * weight, hs * weight, ha * weight
-            v, s, a = v + kv * error, s + ks * error, a + ka * error
-            vv, vs, va = vv - kv * hv, vs - kv * hs, va - kv * ha
-            ss, sa, aa = ss - ks * hs, sa - ks * ha, aa - ka * ha
+                # P = A X of velocity and position; then P A' + Q q. The acceleration depends on itself alone.
+                A0, A1, A2, A22 = A[:2, 0], A[:2, 1], A[:2, 2], A[2, 2]
+                P = A0[:, None] * X[0] + A1[:, None] * X[1] + A2[:, None] * X[2]
+                noise = Q * q
+                X[:2, :2] = P[:, 0, None] * A0 + P[:, 1, None] * A1 + P[:, 2, None] * A2 + noise[:2, :2]
+                X[:2, 2] = P[:, 2] * A22 + noise[:2, 2]
+                X[:2, 3] = P[:, 3]
+                X[2, 2] = A22 * A22 * X[2, 2] + noise[2, 2]
+                X[2, 3] *= A22
+                X[1, 0] = X[0, 1]
+            channel, counts = self._channel[k], self._counts[k][:, None]
+            if both:
+                is_position = channel[:, None] == 1
+                row = np.where(is_position, X[1], X[0])
+                total = np.where(is_position, row[1], row[0]) + variances[channel]
+            else:
+                row = X[self._main].copy()
+                total = row[self._main] + variances[self._main]
+            row[3] -= self._residual[k][:, None]
+            weighted = counts * row[3]
+            squares, logs = squares + weighted * row[3] / total, logs + counts * np.log(total)
+            gain = row[:3] * (counts / total)
+            X -= gain[:, None] * row
+            X[1, 0], X[2, :2] = X[0, 1], X[:2, 2]
         squared, log = squares.sum(axis=0), logs.sum(axis=0)
         # Where the variances are finite, so are the errors.
         diverged = ~np.isfinite(log)
