@@ -95,8 +95,10 @@ class Drag:
 
     def resistance(self, speed: float) -> float:
         """Force against a motion at a speed, positive with it [N, Nm]."""
-        k_q, k_l = self.of(backward=speed < 0.0)
-        return (k_q * abs(speed) + k_l) * speed
+        if speed < 0.0:
+            k_q, k_l = self.of(backward=True)
+            return (k_q * -speed + k_l) * speed
+        return (self.k_q * speed + self.k_l) * speed
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,8 +84,9 @@ def wake(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     def added(axis: int, velocity: float, followed: float) -> float:
         """Drag at the speed through the water that follows, met by a motion against it, less what the plant knows."""
-        met = velocity - size * followed if velocity * followed < 0.0 else velocity
-        return drags[axis].resistance(velocity) - drags[axis].resistance(met)
+        if velocity * followed >= 0.0:
+            return 0.0
+        return drags[axis].resistance(velocity) - drags[axis].resistance(velocity - size * followed)
 
     _follow(world, WAKE_S, added)
 
@@ -96,7 +97,7 @@ def _follow(world: Realization, lag_s: float, force: Callable[[int, float, float
 
     def push(plant: Plant, dt: float) -> Vec6:
         share, velocities = 1.0 - math.exp(-dt / lag_s), plant.mid_step(dt)
-        forces = vec6(force(axis, velocity, followed[axis]) for axis, velocity in enumerate(velocities))
+        forces = vec6(list(map(force, range(6), velocities, followed)))
         for axis, velocity in enumerate(velocities):
             followed[axis] += share * (velocity - followed[axis])
         return forces
@@ -146,9 +147,9 @@ def _move_water(
         nonlocal was
         factor = math.cos(frequency_radps * (plant.time_s + dt) + phase) * math.cos(wave_number_radpm * plant.x)
         now = (factor * north_mps, factor * east_mps, 0.0)
-        change, was = minus(now, was), now
-        if not any(change):
+        if now == was:
             return ZERO6
+        change, was = minus(now, was), now
         plant.current_mps = plus(plant.current_mps, change)
         if plant.time_s == 0.0:  # it moved already before the world began
             return ZERO6

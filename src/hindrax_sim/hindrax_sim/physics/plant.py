@@ -383,4 +383,4 @@ def coupling(inertia: Vec6, hydrodynamics: Hydrodynamics) -> Accelerations | Non
 def _times(matrix: Rows, vector: Vec6) -> Vec6:
     """Matrix (6, 6) times a vector, in plain numbers: numpy takes longer to start than this to end."""
     a, b, c, d, e, f = vector
-    return vec6(row[0] * a + row[1] * b + row[2] * c + row[3] * d + row[4] * e + row[5] * f for row in matrix)
+    return vec6([A * a + B * b + C * c + D * d + E * e + F * f for A, B, C, D, E, F in matrix])
