@@ -1,6 +1,7 @@
 """What every test run has in common."""
 
 import faulthandler
+import gc
 import os
 import signal
 from collections.abc import Generator, Iterator
@@ -77,6 +78,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Begin a parallel run with what takes long, so that no worker is left alone with it at the end."""
     if hasattr(config, "workerinput"):
         long_ones_first(items)
+
+
+def pytest_collection_finish() -> None:
+    """Keep what was collected out of garbage collection: half a million objects, looked at again and again (0.3 s)."""
+    gc.freeze()
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Scheduling | None:
