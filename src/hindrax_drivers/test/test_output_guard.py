@@ -364,7 +364,7 @@ def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms(
     state, held = GUARD.tick(state, at(8.5 + KNOBS.repeat_s))
     assert held is not None
     assert held.thrusters == FULL
-    assert GUARD.due(replace(state, written_at=at(8.89))) == at(8.9)
+    assert GUARD.due(state._replace(written_at=at(8.89))) == at(8.9)
     state, tripped = GUARD.tick(state, at(8.5 + KNOBS.silence_s - KNOBS.margin_s))
     assert tripped is not None
     assert (state.phase, tripped.thrusters, tripped.sequence) == (ArmingPhase.ARMED, NEUTRAL, 0)

@@ -14,6 +14,7 @@ import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between
@@ -143,9 +144,10 @@ class Answer:
     reason: Refusal = NOTHING
 
 
-@dataclass(frozen=True, slots=True)
-class OutputGuardState:
+class OutputGuardState(NamedTuple):
     """State of the guard. `reason`: why it is not armed; `fresh_until` is the end of the last valid command.
+
+    A tuple: it is replaced a hundred times a second, which costs a dataclass of its size four times as much.
 
     `armings` counts how often it was armed since its start.
     """
@@ -244,15 +246,15 @@ class OutputGuard:
             return self.refuse(state, refusal, now), refusal
         refusal = self._malformed(command)
         if refusal is not None:
-            return self.refuse(replace(state, fresh_until=None), refusal, now), refusal
+            return self.refuse(state._replace(fresh_until=None), refusal, now), refusal
         if state.armed and state.last_command and not _newer(command.sequence, state.last_command.sequence):
             state = self.drop(state, output_reason(OutputReason.OTHER_SENDER), now)
         held = self._held(state)
         fresh_until = after(Stamp(min(command.stamp, now)), self.knobs.silence_s - self.knobs.margin_s)
-        state = replace(state, commanded_at=now, fresh_until=fresh_until, last_command=command, refused_at=None)
+        state = state._replace(commanded_at=now, fresh_until=fresh_until, last_command=command, refused_at=None)
         state, now = self._observe(state, now)
         pulses = self._applied(state, held, command, now)
-        return replace(state, pulses=pulses, written_at=now, moved_at=now), pulses
+        return state._replace(pulses=pulses, written_at=now, moved_at=now), pulses
 
     def refuse(self, state: OutputGuardState, refusal: RefusedCommand, now: Stamp) -> OutputGuardState:
         """Record a refused command, by this guard or by its host: the reason when no other one is obeyed.
@@ -271,7 +273,7 @@ class OutputGuard:
         OutputGuardState
             After it.
         """
-        return replace(state, refused=refusal.text, refused_at=now)
+        return state._replace(refused=refusal.text, refused_at=now)
 
     def light(
         self, state: OutputGuardState, levels: tuple[float, ...], now: Stamp
@@ -302,7 +304,7 @@ class OutputGuard:
         span_us = self.knobs.light_full_us - self.knobs.light_off_us
         lights = tuple(self.knobs.light_off_us + span_us * level for level in levels)
         pulses = replace(self._held(state), lights=lights)
-        return replace(state, pulses=pulses, written_at=now, lit_at=now), pulses
+        return state._replace(pulses=pulses, written_at=now, lit_at=now), pulses
 
     def tick(self, state: OutputGuardState, now: Stamp) -> tuple[OutputGuardState, Pulses | None]:
         """Advance time. Return the pulses that are due now: a change to neutral, or a repetition."""
@@ -312,7 +314,7 @@ class OutputGuard:
         if pulses == state.pulses and written is not None and now < after(written, self.knobs.repeat_s):
             return state, None
         moved_at = state.moved_at if pulses == state.pulses else now
-        return replace(state, pulses=pulses, written_at=now, moved_at=moved_at), pulses
+        return state._replace(pulses=pulses, written_at=now, moved_at=moved_at), pulses
 
     def due(self, state: OutputGuardState) -> Stamp:
         """Return the latest time of the next `tick`."""
@@ -348,7 +350,7 @@ class OutputGuard:
             why = self._request_fault(state, request, now)
         if why:
             return state, Answer(accepted=False, reason=why)
-        state = replace(state, last_request=request)
+        state = state._replace(last_request=request)
         if state.phase is not ArmingPhase.DISARMED:
             return state, Answer(accepted=True)
         return self._enter(state, ArmingPhase.ARMING, output_reason(OutputReason.WAITING), now), Answer(accepted=True)
@@ -358,7 +360,7 @@ class OutputGuard:
 
         A number counts once, and not after a disarm: whatever waited in a link finds it expired or gone.
         """
-        given, state = state.challenge, replace(state, challenge=None)
+        given, state = state.challenge, state._replace(challenge=None)
         if state.phase is ArmingPhase.FAULTED:
             return state, _faulted(state)
         if given is not None and request.sequence == given.number:
@@ -371,7 +373,7 @@ class OutputGuard:
         made = Challenge(self.fresh_number(), now)
         within = f"within {self.knobs.challenge_s:g} s with sequence: {made.number}"
         sentence = f"{why}; to arm without one, call again {within}"
-        return replace(state, challenge=made), Refusal(Reason.REPEAT, sentence)
+        return state._replace(challenge=made), Refusal(Reason.REPEAT, sentence)
 
     def disarm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
         """Disarm at once, however old the request is; arm requests made before it are refused from now on.
@@ -389,12 +391,12 @@ class OutputGuard:
         state, now = self._observe(state, now)
         made = Stamp(min(request.stamp, now))
         if request.reason:
-            state = replace(state, monitor_disarmed_at=max(made, state.monitor_disarmed_at or made))
+            state = state._replace(monitor_disarmed_at=max(made, state.monitor_disarmed_at or made))
             why = output_reason(OutputReason.UNNAMED, sentence=request.reason)
             return self.drop(state, why, now), Answer(accepted=True)
         last = state.last_request or request
         sequence = request.sequence if _newer(request.sequence, last.sequence) else last.sequence
-        state = replace(state, last_request=Request(max(made, Stamp(min(last.stamp, now))), sequence))
+        state = state._replace(last_request=Request(max(made, Stamp(min(last.stamp, now))), sequence))
         return self.drop(state, output_reason(OutputReason.REQUEST), now), Answer(accepted=True)
 
     def drop(self, state: OutputGuardState, reason: Coded[OutputReason], now: Stamp) -> OutputGuardState:
@@ -418,7 +420,7 @@ class OutputGuard:
 
     def written(self, state: OutputGuardState) -> OutputGuardState:
         """Record that the last pulses have reached the output."""
-        return state if state.failing_since is None else replace(state, failing_since=None)
+        return state if state.failing_since is None else state._replace(failing_since=None)
 
     def failed(self, state: OutputGuardState, why: Coded[OutputReason], now: Stamp) -> OutputGuardState:
         """Record a failed write: arming starts over, and an output that keeps failing is faulted.
@@ -436,10 +438,10 @@ class OutputGuard:
             After it.
         """
         since = now if state.failing_since is None else state.failing_since
-        state = replace(state, failing_since=since)
+        state = state._replace(failing_since=since)
         if state.phase is not ArmingPhase.FAULTED and seconds_between(since, now) >= self.knobs.failing_s:
             return self._enter(state, ArmingPhase.FAULTED, why, now)
-        return replace(state, since=now) if state.phase is ArmingPhase.ARMING else state
+        return state._replace(since=now) if state.phase is ArmingPhase.ARMING else state
 
     def fault(self, state: OutputGuardState, why: Coded[OutputReason], now: Stamp) -> OutputGuardState:
         """Fault the output at once: its state shows that it does not follow commands.
@@ -462,7 +464,7 @@ class OutputGuard:
         """End a fault after the output was set up again: disarmed, never armed."""
         if state.phase is not ArmingPhase.FAULTED:
             return state
-        state = replace(state, failing_since=None)
+        state = state._replace(failing_since=None)
         why = output_reason(OutputReason.RESTORED, fault=state.reason)
         return self._enter(state, ArmingPhase.DISARMED, why, now)
 
@@ -473,7 +475,7 @@ class OutputGuard:
             return self._rebased(state, back_s, now), now
         now = max(now, state.seen)
         if now > state.seen:
-            state = replace(state, seen=now)
+            state = state._replace(seen=now)
         if state.phase is ArmingPhase.ARMING and seconds_between(state.since, now) >= self.knobs.arming_s:
             state = self._enter(state, ArmingPhase.ARMED, NO_REASON, now)
         commanded = state.since if state.commanded_at is None else state.commanded_at
@@ -482,15 +484,14 @@ class OutputGuard:
             silence = output_reason(code, silent_s=self.knobs.disarm_after_s, refused=state.refused)
             state = self.drop(state, silence, now)
         if state.commanded_at is not None and seconds_between(commanded, now) > self.knobs.disarm_after_s:
-            state = replace(state, commanded_at=None)
+            state = state._replace(commanded_at=None)
         if state.lit_at is not None and seconds_between(state.lit_at, now) > self.knobs.disarm_after_s:
-            state = replace(state, lit_at=None)
+            state = state._replace(lit_at=None)
         return state, now
 
     def _rebased(self, state: OutputGuardState, back_s: float, now: Stamp) -> OutputGuardState:
         """Disarm after a jump back of the clock, and forget all times of before, which would now be in the future."""
-        forgotten = replace(
-            state,
+        forgotten = state._replace(
             seen=now,
             commanded_at=None,
             lit_at=None,
@@ -500,15 +501,15 @@ class OutputGuard:
             monitor_disarmed_at=None,
             refused_at=None,
         )
-        return replace(self.drop(forgotten, output_reason(OutputReason.CLOCK, back_s=back_s), now), since=now)
+        return self.drop(forgotten, output_reason(OutputReason.CLOCK, back_s=back_s), now)._replace(since=now)
 
     def _enter(
         self, state: OutputGuardState, phase: ArmingPhase, reason: Coded[OutputReason], now: Stamp
     ) -> OutputGuardState:
         """Change the phase. Armed keeps the fresh command that brought it; any other phase makes neutral due now."""
         if phase is ArmingPhase.ARMED:
-            return replace(state, phase=phase, reason=reason, since=now, armings=state.armings + 1)
-        return replace(state, phase=phase, reason=reason, since=now, fresh_until=None, written_at=None, challenge=None)
+            return state._replace(phase=phase, reason=reason, since=now, armings=state.armings + 1)
+        return state._replace(phase=phase, reason=reason, since=now, fresh_until=None, written_at=None, challenge=None)
 
     def _held(self, state: OutputGuardState) -> Pulses:
         """Pulses without a new command: the last ones while fresh, else neutral; lights keep their level."""
