@@ -266,6 +266,16 @@ def test_the_help_of_a_command_keeps_its_words_whole(name: str, monkeypatch: pyt
     assert parser_of(load(name)).format_help().split() == wide
 
 
+@pytest.mark.parametrize("name", ["bollard", "identify"])
+def test_an_example_of_the_wheel_stays_on_its_line_too(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    in_a_clone = parser_of(load(name)).format_help().partition("\nexample:\n")[2]
+    monkeypatch.setattr(screen_text, "FROM_WHEEL", True)
+    from_the_wheel = parser_of(load(name)).format_help().partition("\nexample:\n")[2]
+    assert len(in_a_clone.splitlines()[0]) > 60
+    assert from_the_wheel == in_a_clone.replace("./hindrax ", "hindrax ")
+
+
 @pytest.mark.parametrize("name", MODULES)
 def test_an_example_can_be_pasted(name: str) -> None:
     """Into any shell: one without remarks after a command takes it, and the command takes its words."""

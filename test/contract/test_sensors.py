@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp
 from hindrax_core.readings import DeviceText
-from hindrax_core.sensor_table import SENSORS, Sensor, all_sensors
+from hindrax_core.sensor_table import SENSORS, Sensor, all_sensors, unusable_sensors
 from hindrax_core.testing import chunks
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
@@ -142,6 +142,13 @@ def test_golden_cases_are_there(name: str) -> None:
     wanted = f"wanted test/golden/{name}/cases.yaml, and a test_*.py beside it that holds the driver against it"
     assert list((GOLDEN / name).glob("test_*.py")), wanted
     assert (GOLDEN / name / "cases.yaml").exists(), wanted
+
+
+@pytest.mark.parametrize("name", [*NAMES, *unusable_sensors()])
+def test_its_row_driver_and_emulator_can_be_loaded(name: str) -> None:
+    assert name in NAMES, unusable_sensors()[name]
+    driver_of(name)
+    emulator_of(name)
 
 
 @pytest.mark.parametrize("sensor", EVERY, ids=lambda sensor: sensor.name)

@@ -176,6 +176,12 @@ def test_every_step_has_a_command(remedy: Remedy) -> None:
         assert f"./hindrax pool-test --mock{named} --dof roll" == " ".join(mock.words("roll", remedy))
 
 
+def test_a_step_whose_command_is_not_installed_is_followed_by_the_report() -> None:
+    sweep, again = Remedy("measure it", THRUSTER_SWEEP), "./hindrax identify a.csv --report a.html"
+    assert NextReport(again).words("surge", sweep) == [THRUSTER_SWEEP]
+    assert NextReport(again, lambda name: name != "thruster").words("surge", sweep) == [again]
+
+
 def test_a_remedy_in_other_words_keeps_its_command() -> None:
     said = Remedy("weigh it", THRUSTER_SWEEP, "wake")
     assert NextFlight().words("surge", said) == THRUSTER_SWEEP.split()

@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_core.text.screen_text import as_called
-
 Run = Callable[[argparse.Namespace], int]
 Declare = Callable[[argparse.ArgumentParser], object]
 """Adds options to a parser."""
@@ -121,8 +119,8 @@ def add_words(parser: argparse.ArgumentParser, words: Mapping[str, ToolCommand])
 
 
 def example_text(command: ToolCommand) -> str:
-    """End of the help of a command, with the name by which this installation is called."""
-    return as_called("\n".join(["example:", *(f"  {line}" for line in command.example.splitlines())]))
+    """End of the help of a command."""
+    return "\n".join(["example:", *(f"  {line}" for line in command.example.splitlines())])
 
 
 def help_text(docstring: str | None) -> str:

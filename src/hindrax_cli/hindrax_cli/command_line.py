@@ -21,6 +21,7 @@ from hindrax_cli.interrupt import interruptible, sentence
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
 from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.text.screen_text import (
+    as_called,
     fitted,
     fitted_description,
     print_fitted,
@@ -67,6 +68,10 @@ class HelpText(argparse.RawDescriptionHelpFormatter):
 
 class Parser(argparse.ArgumentParser):
     """Invalid arguments give a one-line error with the nearest known word; the usage is in the help."""
+
+    def format_help(self) -> str:
+        """With the name by which this installation is called, given last: examples are known by that of a clone."""
+        return as_called(super().format_help())
 
     def error(self, message: str) -> NoReturn:
         """Print the error and exit with 2."""

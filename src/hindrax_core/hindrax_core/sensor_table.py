@@ -183,6 +183,11 @@ def all_sensors() -> tuple[Sensor, ...]:
     return (*SENSORS, *_installed()[0].values())
 
 
+def unusable_sensors() -> Mapping[str, str]:
+    """Entry points of installed packages that give no row, by their name: why."""
+    return _installed()[1]
+
+
 @cache
 def _installed() -> tuple[Mapping[str, Sensor], Mapping[str, str]]:
     """Rows of other packages by name, and why an entry point gives none."""

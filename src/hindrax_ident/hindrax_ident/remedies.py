@@ -28,7 +28,7 @@ class Remedy(str):
 VEHICLE_FILE, THRUSTER_SWEEP = "./hindrax vehicle new myrov", "./hindrax thruster --help"
 
 WEIGH_THRUST = Remedy(
-    "measure the thrust with `./hindrax weigh`, for roll and pitch by a bollard pull", "./hindrax bollard --help"
+    "measure the thrust with `./hindrax weigh` or, as for roll and pitch, by a bollard pull", "./hindrax bollard --help"
 )
 """The command is that of roll and pitch; the other axes are weighed in the session of a pool day."""
 DESCRIBE_THRUSTERS = Remedy(

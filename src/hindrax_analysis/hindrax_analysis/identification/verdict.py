@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -72,10 +72,14 @@ class NextReport:
 
     command: str
     """That writes the report; empty where it is written."""
+    is_here: Callable[[str], bool] = lambda _name: True
+    """Whether a command is installed; the wheel has none that needs ROS."""
 
     def words(self, _motion: str, remedy: Remedy) -> list[str]:
         """The command of a step at the desk, else that of the report."""
         desk = remedy.command if remedy != WEIGH_THRUST else ""
+        if desk and not self.is_here(desk.split()[1]):
+            desk = ""
         return [one for one in (desk or self.command,) if one]
 
 

@@ -316,4 +316,4 @@ def _next(arguments: argparse.Namespace, sources: Sequence[RecordSource], vehicl
         return NextFlight(("--mock",) if last.mock else (), vehicle="" if usual else arguments.vehicle or str(own))
     report = Path(arguments.records[0]).with_suffix(".html").name
     again = shlex.join(["./hindrax", *arguments.typed, "--report", report])
-    return NextReport("" if arguments.report else again)
+    return NextReport("" if arguments.report else again, is_here)
