@@ -165,6 +165,14 @@ def test_what_is_no_log_is_refused_in_one_sentence(tmp_path: Path, ending: str, 
         read(file)
 
 
+@pytest.mark.parametrize("ending", [".bin", ".tlog", ".ulg"])
+def test_what_is_no_log_is_not_sent_for_a_vehicle_file(ending: str, tmp_path: Path) -> None:
+    file = tmp_path / f"x{ending}"
+    file.write_bytes(b"\xff\xfe\x00garbage" * 9)
+    with pytest.raises(UsageError, match=rf"x\{ending}: (found nothing that is known|is no log of ArduPilot)"):
+        read_log(file, None)
+
+
 def test_telemetry_of_a_few_bytes_is_refused_in_words_of_ours(tmp_path: Path) -> None:
     """Not in those of an exception: 'NoneType' object has no attribute '_instance_field'."""
     file = tmp_path / "x.tlog"

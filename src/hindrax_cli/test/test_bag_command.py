@@ -261,8 +261,10 @@ def test_fetch_states_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixtur
 PRINTED = [
     ("info {dir}/none", 2, "does not exist, wanted a bag"),
     ("info {dir}/empty", 2, "an empty folder"),
-    ("info {dir}/texts", 2, "a folder with a.txt"),
+    ("info {dir}/texts", 2, "a folder with a.txt and others"),
     ("info {dir}/texts/a.txt", 2, "is no MCAP file"),
+    ("info {dir}/texts/empty.csv", 2, "is empty, and no .mcap file by its name"),
+    ("recover {dir}/texts/empty.csv --out {dir}/new", 2, "is empty"),
     ("info {dir}/db3", 2, "cannot be read as a sqlite3 bag"),
     ("info {dir}/runs", 0, "110 messages"),  # the folder of a run
     ("list {dir}/none", 2, "is no folder"),
@@ -296,6 +298,7 @@ def test_good_and_bad_use_is_reported_in_a_sentence(
     line, code, printed_text = reported
     for name in ("empty", "texts", "db3", "moved"):
         (tmp_path / name).mkdir()
+    (tmp_path / "texts" / "empty.csv").touch()
     (tmp_path / "texts" / "a.txt").write_text("a text that is no bag")
     (tmp_path / "db3" / "x.db3").write_text("a text that is no bag")
     (tmp_path / "moved" / "x.mcap").write_bytes((bag / "bag_0.mcap").read_bytes())

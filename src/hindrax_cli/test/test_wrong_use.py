@@ -127,7 +127,7 @@ NEITHER = (
         (["joystick", "--set", "nobody:=4"], "--set.nobody: unknown key, wanted one of dead_man, "),
         (["joystick", "--set", "dead_man:=banana"], "--set.dead_man: found 'banana', wanted a whole number"),
         (["joystick", "--set", "dead_man:=99"], "--set.dead_man: found 99, wanted 0 to 63"),
-        (["wrench", *"10", "nan", *"000"], "wrench Z: found nan, wanted a finite number"),
+        (["wrench", *"10", "nan", *"000"], "Z: found nan, wanted a finite number"),
         (["wrench", "1", "0"], "arguments are required"),
         *(
             (["up", *words.split()], "for --mock only")
@@ -136,7 +136,14 @@ NEITHER = (
         *(([*command.split(), *words], reason) for command in MOCKS for words, reason in NEITHER),
         (["pool-test", "--plan", "--mock", "--set", "pilot.plan.levels:=2"], "--plan: found --set, wanted no options"),
         (["pool-test", "--plan", "--world", "sea"], "sea"),
-        (["weigh", "surge"], "wanted --load N"),
+        (["weigh", "surge"], "hindrax weigh: surge: wanted --load N"),
+        (["identify", "a.csv", "--from", "nan"], "--from: found nan, wanted a finite number"),
+        (
+            ["bag", "export", "a", "--topics", "/a", "--out", "o", "--to", "NaN"],
+            "--to: found NaN, wanted a finite number",
+        ),
+        (["step", "--thrust", "5", "nan"], "--thrust: found nan, wanted a finite number"),
+        (["report", "/no-run"], "/no-run: does not exist, wanted the folder of a run"),
         (["weigh", "yaw", "--load", "10"], "--lever M"),
         (["weigh", "surge", "--bag", "there-is-none", "--hold", "1:2"], "there-is-none"),
         (["weigh", "roll", "--load", "10"], "invalid choice"),

@@ -16,6 +16,8 @@ from hindrax_core.errors import UsageError
 T = TypeVar("T")
 
 META = "hindrax"
+LONGEST_SHOWN = 60
+"""Of what was found in the place of a value: a file of another kind is one long text [characters]."""
 _WORDS: Mapping[object, str] = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
 
 
@@ -151,7 +153,7 @@ def build(cls: type[T], data: object, path: str) -> T:
         Names the path of the key that is unknown, missing, of another type or out of its range.
     """
     if not isinstance(data, Mapping):
-        raise UsageError(f"{path.removesuffix(':')}: found {data!r}, wanted a block of keys for {cls.__name__}")
+        raise UsageError(f"{path.removesuffix(':')}: found {_shown(data)}, wanted a block of keys for {cls.__name__}")
     declared = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]  # T is a dataclass by contract
     unknown = [str(key) for key in data if key not in declared]
     if unknown:
@@ -191,7 +193,7 @@ def _tuple(hint: object, declared: Field[object], data: object, path: str) -> tu
     arguments = typing.get_args(hint)
     many = len(arguments) == 2 and arguments[1] is Ellipsis
     if isinstance(data, str) or not isinstance(data, Sequence):
-        raise UsageError(f"{path}: found {data!r}, wanted a list ({knob_of(declared).meaning})")
+        raise UsageError(f"{path}: found {_shown(data)}, wanted a list ({knob_of(declared).meaning})")
     if not many and len(data) != len(arguments):
         raise UsageError(f"{path}: found {len(data)} values, wanted {len(arguments)} ({knob_of(declared).meaning})")
     kinds = [arguments[0]] * len(data) if many else arguments
@@ -201,7 +203,7 @@ def _tuple(hint: object, declared: Field[object], data: object, path: str) -> tu
 
 def _mapping(hint: object, declared: Field[object], data: object, path: str) -> dict[str, object]:
     if not isinstance(data, Mapping):
-        raise UsageError(f"{path}: found {data!r}, wanted a block of names")
+        raise UsageError(f"{path}: found {_shown(data)}, wanted a block of names")
     kind = typing.get_args(hint)[1]
     return {str(name): _value(kind, declared, one, f"{path}.{name}") for name, one in data.items()}
 
@@ -213,9 +215,15 @@ def _scalar(kind: object, knob: Knob, data: object, path: str) -> object:
         return int(_in_range(data, knob, path))
     if (kind is str and isinstance(data, str)) or (kind is bool and isinstance(data, bool)):
         if knob.choices and data not in knob.choices:
-            raise UsageError(f"{path}: found {data!r}, wanted one of {', '.join(knob.choices)}")
+            raise UsageError(f"{path}: found {_shown(data)}, wanted one of {', '.join(knob.choices)}")
         return data
-    raise UsageError(f"{path}: found {data!r}, wanted {_WORDS[kind]} ({knob.meaning})")
+    raise UsageError(f"{path}: found {_shown(data)}, wanted {_WORDS[kind]} ({knob.meaning})")
+
+
+def _shown(data: object) -> str:
+    """What was found, short enough for a sentence; an empty file or key is nothing."""
+    found = "nothing" if data is None else repr(data)
+    return found if len(found) <= LONGEST_SHOWN else f"{found[:LONGEST_SHOWN]}..."
 
 
 def _in_range(number: float, knob: Knob, path: str) -> float:

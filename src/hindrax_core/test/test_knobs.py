@@ -53,6 +53,8 @@ def test_defaults_and_values() -> None:
         ({"mass_kg": 1, "named": [1]}, r"file.named: found \[1\], wanted a block of names"),
         ({"mass_kg": 1, "named": {"a": {"gian": 1}}}, "file.named.a.gian: unknown key, wanted one of gain, place"),
         ([], r"file: found \[\], wanted a block of keys"),
+        (None, "file: found nothing, wanted a block of keys"),
+        ("0.1,2.3 " * 1000, r"file: found '0.1,2.3 .{1,60}\.\.\., wanted a block of keys"),
     ],
 )
 def test_errors_name_the_key_path(data: dict[str, Any], sentence: str) -> None:

@@ -24,7 +24,7 @@ from hindrax_core.text.screen_text import how_to_install
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 
-ULOG = ".ulg"
+ULOG, ULOG_MAGIC = ".ulg", b"ULog"
 ENDINGS = (".bin", ".tlog", ULOG)
 WANTED: dict[Quantity, str] = {
     "attitude": "attitude (ATT, ATTITUDE or vehicle_attitude)",
@@ -69,10 +69,11 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
     UsageError
         Names what is missing, or that the vehicle file is.
     """
-    if vehicle is None or not vehicle.thrusters:
-        raise UsageError(f"{path}: holds pulses; name a vehicle file with thrusters and curves by --vehicle")
     if not path.stat().st_size:
         raise UsageError(f"{path}: is empty")
+    if vehicle is None or not vehicle.thrusters:
+        _require_known(path)
+        raise UsageError(f"{path}: holds pulses; name a vehicle file with thrusters and curves by --vehicle")
     if path.suffix.lower() == ULOG:
         # pyulog prints what is corrupt.
         with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
@@ -91,6 +92,14 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
         raise UsageError(f"{path}: found {there}, wanted the {wanted}")
     restarts = f"the autopilot started {len(starts)} times: each is a record" if len(starts) > 1 else ""
     return [_recording(path, tables, vehicle, (restarts, others)) for tables in usable]
+
+
+def _require_known(path: Path) -> None:
+    """Refuse by name what is no log at all: no vehicle file would help."""
+    with path.open("rb") as log:
+        known = log.read(len(ULOG_MAGIC)) == ULOG_MAGIC
+    if not known and (path.suffix.lower() == ULOG or not any(one.tables for one in read_starts(path))):
+        raise UsageError(f"{path}: found nothing that is known, wanted a log of ArduPilot or PX4")
 
 
 def _lacking(tables: Tables) -> str:

@@ -120,6 +120,8 @@ def records(file: Path, damage: Damage | None = None, *, chunks: bool = True) ->
     noted = Damage() if damage is None else damage
     with file.open("rb") as stream:
         start = stream.read(len(MAGIC))
+        if not start and ".mcap" not in file.suffixes:  # one of that name had no time to begin
+            raise UsageError(f"{file}: is empty, and no .mcap file by its name; name another")
         if not MAGIC.startswith(start):
             raise UsageError(f"{file}: is no MCAP file, by its first bytes; name another")
         finished = False

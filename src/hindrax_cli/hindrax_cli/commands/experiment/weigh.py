@@ -98,9 +98,7 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
             flight = fly_weighing(vehicle, axis, world, arguments.seed, shares)
         return holds_of(flight.events, axis, [LoadSpan(*one) for one in flight.spans])
     if not arguments.load or (arguments.axis == "yaw" and not arguments.lever):
-        raise UsageError(
-            f"weigh {arguments.axis}: wanted --load N{' and --lever M' if arguments.axis == 'yaw' else ''}"
-        )
+        raise UsageError(f"{arguments.axis}: wanted --load N{' and --lever M' if arguments.axis == 'yaw' else ''}")
     return _guided(arguments, vehicle, axis, [share * arguments.load * lever for share in shares])
 
 

@@ -80,6 +80,8 @@ def _labelled(paths: list[Path]) -> list[SavedCoefficients]:
 
 
 def _require_run(path: Path) -> None:
+    if not path.exists():
+        raise UsageError(f"{path}: does not exist, wanted the folder of a run such as runs/2026-05-04_10-00-00")
     if not path.is_dir() or not RunFolder(path).bag.is_dir():
         raise UsageError(f"{path}: holds no folder `bag`, wanted the folder of a run such as runs/2026-05-04_10-00-00")
 
