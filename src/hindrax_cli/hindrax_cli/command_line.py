@@ -14,7 +14,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from hindrax_bag import software_version
 from hindrax_cli.command import GROUPS, MODULES, ToolCommand, example_text, help_text
@@ -74,9 +74,9 @@ class Parser(argparse.ArgumentParser):
         """With the name by which this installation is called, given last: examples are known by that of a clone."""
         return as_called(super().format_help())
 
-    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+    def _get_value(self, action: argparse.Action, arg_string: str) -> object:
         """NaN is no number of any argument: it passes every comparison with a limit, or none."""
-        value = super()._get_value(action, arg_string)
+        value: object = super()._get_value(action, arg_string)
         if isinstance(value, float) and math.isnan(value):
             raise argparse.ArgumentError(action, f"found {arg_string}, wanted a finite number")
         return value

@@ -293,6 +293,18 @@ def test_a_client_that_cancels_gets_that_and_a_ctrl_c_is_told_to_it(
         assert [one[0] for one in server.ended] == [reason]
 
 
+def test_what_a_session_flies_is_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flights_without_a_stack(monkeypatch)
+    by_action(monkeypatch, ([], 0))
+    main(["pool-test", "--session", str(tmp_path / "day"), "--mock", "--action"])
+    assert capsys.readouterr().err.count("hindrax flies surge") == 1
+    by_action(monkeypatch, ([], 0))
+    main(["pool-test", "--session", str(tmp_path / "day"), "--mock", "--action"])
+    assert capsys.readouterr().err.count("goes on with the vehicle") == 1
+
+
 def test_why_legs_were_aborted_is_told_to_the_client_by_its_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -125,7 +125,7 @@ def test_what_came_of_a_wrench_names_what_lacks() -> None:
         achieved=[9.0, 0.0, 0.0, 0.0, 0.0, 0.5], shortfall=[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], refused=["Y: found nan"]
     )
     printed = manual_control.outcome_text(plan)
-    assert printed == "done; total force including holds: X +9.0 N, N +0.5 Nm; lacking X +1.0 N; refused: Y: found nan"
+    assert printed == "done; total force including holds: X +9.0 N, N +0.5 N m; lacking X +1.0 N; refused: Y: found nan"
     assert manual_control.wrench_text([0.01] * 6) == "nothing"
 
 

@@ -380,7 +380,7 @@ def test_a_limit_below_what_the_thrusters_reach_is_reported() -> None:
     """Its own 60 N in surge are more than it reaches, and a limit on the reach takes nothing."""
     reach = largest_wrench(load_vehicle(default_vehicle()))
     tight = {"wrench": [20.0, reach["sway"], 80.0, 20.0, 25.0, 7.5]}
-    for limits, reported in ((tight, ["leaves surge 20 of 36 N, yaw 7.5 of 23 Nm"]), ({}, [])):
+    for limits, reported in ((tight, ["leaves surge 20 of 36 N, yaw 7.5 of 23 N m"]), ({}, [])):
         checks = findings(changed(limits=limits))
         assert [one.found for one in checks if one.name == "limits.wrench"] == reported
         assert all(one.ok for one in checks)

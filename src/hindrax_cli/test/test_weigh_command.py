@@ -108,7 +108,7 @@ def test_the_next_result_over_the_same_record_knows_of_a_weighing_that_was_writt
     assert by_weighing[1] < 0.5 * by_weighing[0]
 
 
-@pytest.mark.parametrize(("axis", "unit"), [("surge", "N"), ("yaw", "Nm")])
+@pytest.mark.parametrize(("axis", "unit"), [("surge", "N"), ("yaw", "N m")])
 def test_a_gain_is_reported_with_its_deviation_and_the_load_with_its_unit(
     axis: str, unit: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -71,7 +71,7 @@ class PilotKnobs:
 
 @dataclass(frozen=True, slots=True)
 class PilotOutput:
-    """One cycle: the wrench for the allocator [N, Nm], all holds, the maneuver (None: none), findings of the guards.
+    """One cycle: the wrench for the allocator [N, N m], all holds, the maneuver (None: none), findings of the guards.
 
     `refused`: why a recent operator wrench was refused.
     `suspected_fault`: a thruster in use that does not seem to push; the caller decides whether to disable it.

@@ -21,7 +21,7 @@ class PriorDynamics:
     """Rigid body and added mass [kg, kg m^2]."""
     drag: Drag
     restoring: float = 0.0
-    """Moment per sine of the angle [Nm]; zero for all but roll and pitch."""
+    """Moment per sine of the angle [N m]; zero for all but roll and pitch."""
     bias: float = 0.0
     """Force that keeps it at rest [N]: the net buoyancy in heave."""
 

@@ -39,7 +39,7 @@ class TeleopKnobs:
 
 
 class Teleop:
-    """One operator's hand on one vehicle, whose largest wrench is `limits` [N, Nm]."""
+    """One operator's hand on one vehicle, whose largest wrench is `limits` [N, N m]."""
 
     def __init__(self, limits: Vec6, knobs: TeleopKnobs | None = None) -> None:
         self._limits, self._knobs = limits, knobs or TeleopKnobs()

@@ -127,7 +127,7 @@ def test_out_of_reach_the_first_priority_keeps_its_direction(wrench: Vec6, exces
 
 
 def test_heave_and_attitude_go_before_surge_and_sway() -> None:
-    # Of the 23.3 Nm in yaw nearly all: served first, they leave little thrust for surge and sway.
+    # Of the 23.3 N m in yaw nearly all: served first, they leave little thrust for surge and sway.
     wanted = (100.0, 50.0, 20.0, 2.0, 1.0, 20.0)
     given_wrench = B @ np.array(ALLOCATOR.forces(wanted))
     assert given_wrench[2:] == pytest.approx(wanted[2:], abs=0.02)

@@ -67,7 +67,7 @@ def split(
 def largest(
     B_used: NDArray[np.float64], limits: NDArray[np.float64], parts: NDArray[np.float64], floor_N: float | None = None
 ) -> NDArray[np.float64]:
-    """Largest size [N, Nm] of the first part (n,), or of the second where the first has at least its floor."""
+    """Largest size [N, N m] of the first part (n,), or of the second where the first has at least its floor."""
     n, m = parts.shape[1], B_used.shape[1]
     lengths = np.linalg.norm(parts, axis=2)
     units = np.divide(parts, lengths[:, :, None], where=lengths[:, :, None] > 0.0, out=np.zeros_like(parts))

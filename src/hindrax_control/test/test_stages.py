@@ -213,7 +213,7 @@ ROLL = PriorDynamics(0.4, Drag(0.4, 0.2), restoring=5.0)
 
 
 def excited(axis: str, freedom: PriorDynamics, station: StationKeeping) -> ExciteMotion:
-    """A stage that excites an axis with a constant half of 4 N or Nm, within wide bounds."""
+    """A stage that excites an axis with a constant half of 4 N or N m, within wide bounds."""
     bounds = Bounds(force=4.0, rate=0.4, middle=1.1, room=8.0, inertia=freedom.inertia)
     return ExciteMotion(axis, Excite(lambda _t: 0.5, bounds, 60.0), freedom, station, POSE)
 

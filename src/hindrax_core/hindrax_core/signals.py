@@ -146,7 +146,7 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Thrust:
-    """The wrench that the applied pulses achieve, from this stamp until the next (before thruster lag) [N, Nm].
+    """The wrench that the applied pulses achieve, from this stamp until the next (before thruster lag) [N, N m].
 
     `forces_N`: what each thruster gives, in the order of the vehicle file; empty where unknown.
     `supply_measured`: the supply voltage that they were computed with was measured, not assumed.

@@ -41,7 +41,7 @@ NAMED_OTHERWISE = frozenset(
 WITHIN = math.cos(math.radians(45.0))
 """Cosine of the angle to an axis up to which a beam looks along it."""
 WRENCH_SYMBOLS = ("X", "Y", "Z", "K", "M", "N")
-WRENCH_UNITS = ("N",) * 3 + ("Nm",) * 3
+WRENCH_UNITS = ("N",) * 3 + ("N m",) * 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,17 +76,17 @@ class Thruster:
 
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """F = k_q |x| x + k_l x for one degree of freedom (N, Nm; m/s, rad/s). COB-2023-1394 eq. 2.
+    """F = k_q |x| x + k_l x for one degree of freedom (N, N m; m/s, rad/s). COB-2023-1394 eq. 2.
 
     `k_q_negative`, where given, is the quadratic coefficient for motion in the negative direction.
     """
 
-    k_q: float = knob(0.0, 0.0, 1e6, "quadratic [N s^2/m^2, Nm s^2]")
-    k_l: float = knob(0.0, 0.0, 1e6, "linear [N s/m, Nm s]")
+    k_q: float = knob(0.0, 0.0, 1e6, "quadratic [N s^2/m^2, N m s^2]")
+    k_l: float = knob(0.0, 0.0, 1e6, "linear [N s/m, N m s]")
     k_q_negative: float | None = knob(
-        None, meaning="quadratic, for motion in the opposite direction [N s^2/m^2, Nm s^2]"
+        None, meaning="quadratic, for motion in the opposite direction [N s^2/m^2, N m s^2]"
     )
-    k_l_negative: float | None = knob(None, meaning="linear, for motion in the opposite direction [N s/m, Nm s]")
+    k_l_negative: float | None = knob(None, meaning="linear, for motion in the opposite direction [N s/m, N m s]")
 
     def of(self, *, backward: bool) -> tuple[float, float]:
         """k_q and k_l of motion ahead, or of motion the other way."""
@@ -94,7 +94,7 @@ class Drag:
         return self.k_q if k_q is None else k_q, self.k_l if k_l is None else k_l
 
     def resistance(self, speed: float) -> float:
-        """Force against a motion at a speed, positive with it [N, Nm]."""
+        """Force against a motion at a speed, positive with it [N, N m]."""
         if speed < 0.0:
             k_q, k_l = self.of(backward=True)
             return (k_q * -speed + k_l) * speed
@@ -242,7 +242,7 @@ class Output:
 class Limits:
     """Limits for every source of commands."""
 
-    wrench: Vec6 = knob((60.0, 60.0, 80.0, 20.0, 25.0, 30.0), 0.0, 1e6, "largest wrench per axis [N, Nm]")
+    wrench: Vec6 = knob((60.0, 60.0, 80.0, 20.0, 25.0, 30.0), 0.0, 1e6, "largest wrench per axis [N, N m]")
     speed_mps: float = knob(1.0, 0.0, 20.0, "largest speed through the water [m/s]")
     tilt_deg: float = knob(55.0, 0.0, 180.0, "largest roll or pitch [deg]")
     battery_V: float = knob(13.0, 0.0, 100.0, "lowest supply voltage [V]")
@@ -252,7 +252,7 @@ class Limits:
 class AxisGain:
     """Thrust that acts on an axis over that of the curves, all losses at bollard included: by `hindrax weigh`."""
 
-    load: float = fact(1e-3, 1e6, "thrust at which it was weighed [N, Nm]")
+    load: float = fact(1e-3, 1e6, "thrust at which it was weighed [N, N m]")
     sigma: float = fact(0.0, 1.0, "standard deviation of the gain, the same both ways [-]")
     sigma_difference: float = knob(0.0, 0.0, 1.0, "standard deviation of half the difference of both ways [-]")
     positive: float | None = knob(None, 0.2, 5.0, "gain ahead, to starboard, down, clockwise; none: not weighed [-]")

@@ -24,7 +24,10 @@ COLUMNS = (
     Column("time_s", "time [s], increasing"),
     Column("displacement_m", "heave or sway of the model [m]", required=False),
     Column("angle_rad", "pitch or yaw of the model [rad]", required=False),
-    *(Column(name, f"measured load {name[0]} [{name[2:]}], SNAME", required=False) for name in LOADS),
+    *(
+        Column(name, f"measured load {name[0]} [{name[2:].replace('Nm', 'N m')}], SNAME", required=False)
+        for name in LOADS
+    ),
 )
 
 NOT_A_SINE = 0.5

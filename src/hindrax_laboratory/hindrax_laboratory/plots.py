@@ -210,7 +210,7 @@ def estimate(model: EmpiricalModel) -> Figure:
         (slice(0, 3), model.added_mass, "added mass [kg]"),
         (slice(3, 6), model.added_mass, "added inertia [kg m$^2$]"),
         (slice(0, 3), model.quadratic_drag, "quadratic drag [N s$^2$/m$^2$]"),
-        (slice(3, 6), model.quadratic_drag, "quadratic drag [Nm s$^2$]"),
+        (slice(3, 6), model.quadratic_drag, "quadratic drag [N m s$^2$]"),
     )
     for axis, (part, values, quantity) in zip(axes, panels, strict=True):
         axis.bar(AXES[part], values[part], color=MEASURED if "added" in quantity else MODEL, width=0.6)

@@ -13,7 +13,7 @@ from hindrax_laboratory.least_squares import least_squares
 
 COLUMNS = (
     Column("speed_mps", "towing speed, signed [m/s] (or rad/s for a turn)"),
-    Column("drag_N", "force that holds that speed, same sign [N] (or Nm)"),
+    Column("drag_N", "force that holds that speed, same sign [N] (or N m)"),
 )
 
 

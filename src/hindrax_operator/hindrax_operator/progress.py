@@ -137,7 +137,7 @@ def plateau_line(maneuver: ManeuverStatus, estimates: dict[str, Stamped[Estimate
 
 def units(motion: str) -> tuple[str, str]:
     """Units of the force and of the rate along a motion."""
-    return ("Nm", "rad/s") if motion in TURNING else ("N", "m/s")
+    return ("N m", "rad/s") if motion in TURNING else ("N", "m/s")
 
 
 def wall(maneuver: ManeuverStatus) -> str:

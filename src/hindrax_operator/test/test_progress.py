@@ -83,8 +83,8 @@ def test_before_its_first_sample_an_estimate_is_only_the_prior_and_not_shown(
 
 def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_given(capsys: pytest.CaptureFixture[str]) -> None:
     line = headless(capsys, {"surge": Stamped(Stamp(0), SURGE)}, motion="yaw", wall_distance=math.nan)
-    assert line == "yaw: plateau at +9.5 Nm, 42 %, 61 s to go"
-    assert "+9.5 Nm, +0.310 rad/s, 61 s of vehicle time to go" in shown({}, motion="yaw", wall_distance=math.nan)
+    assert line == "yaw: plateau at +9.5 N m, 42 %, 61 s to go"
+    assert "+9.5 N m, +0.310 rad/s, 61 s of vehicle time to go" in shown({}, motion="yaw", wall_distance=math.nan)
 
 
 def test_the_live_view_is_gone_when_the_flight_is_over(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -464,6 +464,13 @@ def test_a_page_that_does_not_take_its_news_makes_room(tmp_path: Path, monkeypat
             assert news_has_room(page)
 
 
+@pytest.mark.parametrize(("heading_deg", "shown"), [(-0.02, 0.0), (-0.06, 359.9), (359.97, 0.0), (181.26, 181.3)])
+def test_a_heading_just_before_north_is_none_of_360_deg(heading_deg: float, shown: float) -> None:
+    attitude = (0.0, 0.0, math.radians(heading_deg))
+    found: Any = summary(replace(ARMED, navigation=replace(NAVIGATION, attitude_rad=attitude)))
+    assert found["navigation"]["heading"] == pytest.approx(shown)
+
+
 def test_every_number_of_the_news_is_json() -> None:
     found: Any = plain(summary(replace(ARMED, navigation=replace(NAVIGATION, position_m=(math.inf, math.nan)))))
     text = json.dumps(found, allow_nan=False)

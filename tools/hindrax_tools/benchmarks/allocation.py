@@ -22,7 +22,7 @@ WRENCHES = 200
 REPEATS = 25
 SEED = 1
 EXACT_N = 0.01
-"""Further off than this [N, Nm] is not exact: what the grading of a quadratic program leaves is below."""
+"""Further off than this [N, N m] is not exact: what the grading of a quadratic program leaves is below."""
 
 GRADING = (3e-3, 1e-4, 3e-6)
 """Weight of the first part, of the second, and of forces without wrench, against one of the direction."""
@@ -77,7 +77,7 @@ def _wrenches(allocator: Allocator) -> list[Vec6]:
 class _Peers:
     """The same problem for general solvers: the priorities graded into one quadratic over x = (eight forces, s).
 
-    s holds the sizes [N, Nm] of both parts of the wrench along their directions.
+    s holds the sizes [N, N m] of both parts of the wrench along their directions.
     """
 
     def __init__(self, B: Matrix, limits_N: Matrix) -> None:
@@ -90,7 +90,7 @@ class _Peers:
         self._rows[8:, :8] = GRADING[2] * free
 
     def best(self, wrench: Vec6) -> Matrix:
-        """Wrench (6,) [N, Nm] that is best in order of priority, by two linear programs in sequence."""
+        """Wrench (6,) [N, N m] that is best in order of priority, by two linear programs in sequence."""
         directions, sizes = _parts(wrench)
         bounds = [*self._limits_N.tolist(), (0.0, sizes[0]), (0.0, sizes[1])]
         balance = np.hstack([self._B, -directions])
@@ -125,7 +125,7 @@ class _Peers:
         return np.asarray(lsq_linear(rows, wanted, (bounds[0], bounds[1] + 1e-12), method="bvls").x[:8])
 
     def _problem(self, wrench: Vec6) -> tuple[Matrix, Matrix, Matrix]:
-        """Weighted rows (r, 10), right side (r,) and bounds (2, 10) [N, Nm] of the least-squares problem in x."""
+        """Weighted rows (r, 10), right side (r,) and bounds (2, 10) [N, N m] of the least-squares problem in x."""
         directions, sizes = _parts(wrench)
         rows, wanted = self._rows, np.zeros(len(self._rows))
         rows[:6, 8:] = -directions
@@ -136,7 +136,7 @@ class _Peers:
 
 
 def _parts(wrench: Vec6) -> tuple[Matrix, Matrix]:
-    """Directions (6, 2) and sizes (2,) [N, Nm] of both priorities of a wrench."""
+    """Directions (6, 2) and sizes (2,) [N, N m] of both priorities of a wrench."""
     parts = np.zeros((6, 2))
     parts[2:, 0], parts[:2, 1] = wrench[2:], wrench[:2]
     sizes = np.linalg.norm(parts, axis=0)

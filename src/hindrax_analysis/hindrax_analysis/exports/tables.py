@@ -55,7 +55,7 @@ def write_latex(table: SavedCoefficients) -> str:
         + r" \\"
         for motion, result in table.motions.items()
     ]
-    caption = f"% {table.conditions.vehicle}, from {table.label}; N, Nm, kg, SI; half of the 68 % interval"
+    caption = f"% {table.conditions.vehicle}, from {table.label}; N, N m, kg, SI; half of the 68 % interval"
     begin, line, end = r"\begin{tabular}{lrrrr}", r"\hline", r"\end{tabular}"
     return "\n".join([caption, begin, line, head + r" \\", line, *rows, line, end]) + "\n"
 

@@ -58,7 +58,7 @@ LIMITS: Mapping[str, AxisLimits] = {
 
 @dataclass(frozen=True, slots=True)
 class AxisGains:
-    """Gains of one axis [N, Nm; m, rad; s], the rate of its reference, its largest thrust, and what the law keeps."""
+    """Gains of one axis [N, N m; m, rad; s], the rate of its reference, its largest thrust, and what the law keeps."""
 
     law: Law
     rate: float

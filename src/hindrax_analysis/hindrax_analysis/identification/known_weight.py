@@ -41,7 +41,7 @@ SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "
 
 @dataclass(frozen=True, slots=True)
 class LoadSpan:
-    """Interval of a load [N, Nm, with the axis] on the vehicle, from one stamp to another."""
+    """Interval of a load [N, N m, with the axis] on the vehicle, from one stamp to another."""
 
     begin: Stamp
     end: Stamp
@@ -181,7 +181,7 @@ def weigh(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics, *, load_sig
 
 
 def _deviations(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics) -> Array:
-    """Standard deviation of each hold's balance by source: (n, 4) [N, Nm]."""
+    """Standard deviation of each hold's balance by source: (n, 4) [N, N m]."""
     largest = max(abs(float(hold.thrust.mean())) for hold in holds)
     out = []
     for hold in holds:

@@ -36,8 +36,9 @@ PARAMETERS = (
     *(f"MOT_{motor}_DIRECTION" for motor in range(1, MOST_MOTORS + 1)),
 )
 """All that a vehicle file takes from an autopilot."""
+A_SIMULATOR = "by its SIM_ parameters it is ArduPilot's simulator"
 OF_THE_SIMULATOR = (
-    "by its SIM_ parameters it is ArduPilot's simulator, whose thrust, levers and water are not those of {kind}: "
+    f"{A_SIMULATOR}, whose thrust, levers and water are not those of {{kind}}: "
     "`./hindrax vehicle new NAME --from LOG` makes the file of its vehicle"
 )
 """Sentence about a vehicle of the box in the simulator's place."""

@@ -172,7 +172,8 @@ def _rows(text: str, source: str) -> tuple[list[str], list[Row]]:
     rows = rows_of(text, source, _is_header)
     if len(rows) < 2:
         raise HindraxError(
-            f"{source}: found {len(rows)} line{'' if len(rows) == 1 else 's'}, wanted a header line with column names and data below it"
+            f"{source}: found {len(rows)} line{'' if len(rows) == 1 else 's'}, "
+            "wanted a header line with column names and data below it"
         )
     header = rows[0][1]
     # Files that were put below each other have their header lines still.

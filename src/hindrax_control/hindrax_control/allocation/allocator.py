@@ -24,7 +24,7 @@ from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.vehicle import AXES, Vehicle
 
 LARGEST_WRENCH = 1e12
-"""No vehicle reaches this wrench [N, Nm]; beyond it squares would overflow."""
+"""No vehicle reaches this wrench [N, N m]; beyond it squares would overflow."""
 
 KEPT_LAYOUTS = 32
 

@@ -109,7 +109,7 @@ class AttainableSet:
         ]
 
     def forces(self, wrench: Sequence[float]) -> list[float]:
-        """Return the least forces that give the largest part of a wrench [N, Nm] that can be had."""
+        """Return the least forces that give the largest part of a wrench [N, N m] that can be had."""
         # Rows that hold wherever both parts are given whole, or one of them, need no look: s_1, s_2 <= 1 and all bounds
         # are linear, so only corners can break them. A demand within reach leaves none.
         values: list[float] = self._gains.dot(wrench).tolist()

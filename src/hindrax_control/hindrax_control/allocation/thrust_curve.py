@@ -200,5 +200,5 @@ class AppliedWrench:
         return tuple(curve.force(pulse) for curve, pulse in zip(self._curves, pulses_us, strict=True))
 
     def wrench(self, forces_N: Sequence[float]) -> Vec6:
-        """Wrench about the center of mass [N, Nm], SNAME."""
+        """Wrench about the center of mass [N, N m], SNAME."""
         return vec6(sum(map(mul, row, forces_N)) for row in self._rows)

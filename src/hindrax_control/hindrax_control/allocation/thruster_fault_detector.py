@@ -216,14 +216,14 @@ class ThrusterFaultDetector:
         self._slow += ((*rates, *model, *self._thrust) - self._slow) * -math.expm1(-dt / self._knobs.filter_s)
 
     def _statics(self, navigation: Navigation) -> Vec6:
-        """Righting moments and net buoyancy in body axes [N, Nm]. Fossen 2011 eq. 4.6."""
+        """Righting moments and net buoyancy in body axes [N, N m]. Fossen 2011 eq. 4.6."""
         roll, pitch, _ = navigation.attitude_rad
         lift, righting = self._freedoms[2].bias, self._freedoms[3].restoring
         sin_p, sideways, upright = math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)
         return lift * sin_p, -lift * sideways, -lift * upright, -righting * sideways, -righting * sin_p, 0.0
 
     def _munk(self, rates: Vec6) -> Vec6:
-        """Coriolis and Munk terms of a diagonal mass matrix [N, Nm]. Fossen 2011 eq. 6.43."""
+        """Coriolis and Munk terms of a diagonal mass matrix [N, N m]. Fossen 2011 eq. 6.43."""
         u, v, w, p, q, r = rates
         mx, my, mz = self._masses
         X, Y, Z = mx * u, my * v, mz * w

@@ -30,7 +30,7 @@ class WrenchGuardKnobs:
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """Output of the guard: a finite wrench in base_link_fsd [N, Nm], or None; and the refused parts."""
+    """Output of the guard: a finite wrench in base_link_fsd [N, N m], or None; and the refused parts."""
 
     wrench: Vec6 | None
     refused: tuple[Refusal, ...] = ()

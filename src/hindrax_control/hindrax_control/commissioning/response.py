@@ -40,7 +40,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Wrench (6,) that explains the motion in a window, per newton or as a whole [-, m or N, Nm], its deviation (6,).
+    """Wrench (6,) that explains the motion in a window, per newton or as a whole [-, m or N, N m], its deviation (6,).
 
     `misfit`: sum of squared residuals of the rates over their noise.
     """

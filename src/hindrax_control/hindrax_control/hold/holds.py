@@ -64,7 +64,7 @@ class HoldState:
 
 @dataclass(frozen=True, slots=True)
 class HoldsOutput:
-    """Wrench of all engaged holds [N, Nm], zero on the axes of the others; and the state of each hold."""
+    """Wrench of all engaged holds [N, N m], zero on the axes of the others; and the state of each hold."""
 
     wrench: Vec6
     states: tuple[HoldState, ...]
@@ -211,7 +211,7 @@ class Holds:
         return HoldsOutput((0.0, 0.0, Z, K - K_munk, M - M_munk, N - N_munk), tuple(states))
 
     def _overturning(self, navigation: Navigation) -> Vec3:
-        """Munk moments [Nm] on the axes that are held: a hull that moves askew is turned across its way.
+        """Munk moments [N m] on the axes that are held: a hull that moves askew is turned across its way.
 
         Fossen 2011 eq. 6.43 for a diagonal mass matrix.
         """

@@ -25,9 +25,9 @@ class LoopTuning:
     rate: float
     """Largest rate of the reference [m/s, rad/s]."""
     authority: float
-    """Largest size of the integral part [N, Nm]."""
+    """Largest size of the integral part [N, N m]."""
     shortfall: float = 0.0
-    """Shortfall of the allocator up to which the integral part integrates [N, Nm]."""
+    """Shortfall of the allocator up to which the integral part integrates [N, N m]."""
 
 
 class Ramp:

@@ -359,7 +359,7 @@ def require_servable(motions: Sequence[str], vehicle: Vehicle, disabled: frozens
 
 
 def largest_wrench(vehicle: Vehicle) -> dict[str, float]:
-    """Largest force [N] or moment [Nm] of each axis alone, the weaker direction; 0 where the axis is not served."""
+    """Largest force [N] or moment [N m] of each axis alone, the weaker direction; 0 where the axis is not served."""
     if not vehicle.thrusters:
         return dict.fromkeys(AXES, 0.0)
     B = effectiveness(vehicle)

@@ -27,7 +27,7 @@ LET_GO = 3.0
 
 @dataclass(frozen=True, slots=True)
 class LegOutput:
-    """Force along the motion beyond bias and restoring [N, Nm], name of the phase, and whether the leg is over."""
+    """Force along the motion beyond bias and restoring [N, N m], name of the phase, and whether the leg is over."""
 
     force: float
     phase: str

@@ -52,7 +52,7 @@ class ManeuverKnobs:
 class ManeuverOutput:
     """Output of one maneuver step.
 
-    `wrench` [N, Nm] adds to that of the holds; `setpoints` are events for the holds; `force` and `velocity` are
+    `wrench` [N, N m] adds to that of the holds; `setpoints` are events for the holds; `force` and `velocity` are
     along the motion; `wall_distance_m` is ahead of the hull; `aborted` is "guard: sentence", once `done`, and `neutral`
     says whether it has ended without holding anything. `resting`: all thrusters rest, whatever the holds want.
     `forces_N`: of the thrusters, where it commands them one by one; `wrench` is then what they should give by the file.
@@ -124,7 +124,7 @@ class Maneuver:
         return self.last is not None and self.last.done
 
     def keep(self, navigation: Navigation, stamp: Stamp) -> Vec6:
-        """Station-keeping wrench after the end [N, Nm], in surge and sway."""
+        """Station-keeping wrench after the end [N, N m], in surge and sway."""
         moment = self._moment(navigation, stamp, ZERO6)
         X, Y = self.station.step(moment.place, moment.dt)
         return (X, Y, 0.0, 0.0, 0.0, 0.0)

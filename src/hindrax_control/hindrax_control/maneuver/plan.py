@@ -96,7 +96,7 @@ class Leg:
     sign: float
     """Direction of force and rate along the body axis."""
     level: float
-    """Force of the plateau beyond bias and restoring, signed [N, Nm]."""
+    """Force of the plateau beyond bias and restoring, signed [N, N m]."""
     rate: float
     """Expected plateau rate, signed [m/s, rad/s]."""
     start: float
@@ -104,7 +104,7 @@ class Leg:
     back: float
     """End of the room behind the start, before which a leg that is carried backward is given up."""
     boost: float
-    """Size of the force that accelerates and brakes [N, Nm]."""
+    """Size of the force that accelerates and brakes [N, N m]."""
     pace: float
     """Acceleration that the boost makes against the prior's inertia [m/s^2, rad/s^2]."""
     inertia: float
@@ -224,7 +224,7 @@ class Planner:
         return found_m
 
     def force_limit(self, axis: str, sign: float) -> float:
-        """Largest force [N, Nm] that a plan may ask for along an axis: thrusters with reserve, vehicle limit."""
+        """Largest force [N, N m] that a plan may ask for along an axis: thrusters with reserve, vehicle limit."""
         reach = self._allocator.reach(axis, sign, self.disabled)
         return min(self.knobs.reserve * reach, self.vehicle.limits.wrench[AXES.index(axis)])
 

@@ -49,7 +49,7 @@ class StageInput:
 
 @dataclass(frozen=True, slots=True)
 class StageOutput:
-    """Output of a stage: wrench beside the holds [N, Nm], phase, force and rate along the motion, and its end."""
+    """Output of a stage: wrench beside the holds [N, N m], phase, force and rate along the motion, and its end."""
 
     wrench: Vec6
     phase: str

@@ -81,7 +81,7 @@ class AllocatorNode(BatchedNode):
             self._cycle.tune(knobs)
 
     def on_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> bool:
-        """Allocate one wrench [N, Nm] and publish its command; False if it is refused."""
+        """Allocate one wrench [N, N m] and publish its command; False if it is refused."""
         command = self._cycle.command(ZERO6 if self.inhibited() else wrench, frame, stamp, now)
         if command is not None:
             self._command.publish(self._command_bytes(stamp, command.sequence, command.pulses_us))

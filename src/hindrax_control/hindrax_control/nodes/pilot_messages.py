@@ -79,7 +79,7 @@ def estimate_refusal(message: ModelEstimate) -> Refusal:
 
 
 def allocation_from_msg(message: AllocationStatus, thrusters: int) -> Allocation:
-    """Fields of an AllocationStatus for the pilot: shortfall [N, Nm], forces [N], lost axes. ValueError if refused."""
+    """Fields of an AllocationStatus for the pilot: shortfall [N, N m], forces [N], lost axes. ValueError if refused."""
     forces_N, shortfall = tuple(message.forces), tuple(map(float, message.shortfall))
     if len(forces_N) != thrusters or not all(map(math.isfinite, (*forces_N, *shortfall))):
         raise ValueError(f"found {len(forces_N)} forces and a shortfall, wanted {thrusters} finite ones")

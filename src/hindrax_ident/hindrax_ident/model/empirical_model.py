@@ -76,7 +76,7 @@ class Dimensions:
 
 @dataclass(frozen=True, slots=True)
 class EmpiricalModel:
-    """The estimate. Added mass [kg, kg m^2], drag [N s^2/m^2, Nm s^2] and [N s/m, Nm s], inertia [kg m^2]."""
+    """The estimate. Added mass [kg, kg m^2], drag [N s^2/m^2, N m s^2] and [N s/m, N m s], inertia [kg m^2]."""
 
     added_mass: Vec6
     quadratic_drag: Vec6

@@ -49,8 +49,8 @@ TABLES = (
 
 RESULTS: dict[str, tuple[Callable[[EmpiricalModel], Sequence[float]], tuple[str, str]]] = {
     ADDED: (lambda model: model.added_mass, ("kg", "kg m^2")),
-    QUADRATIC: (lambda model: model.quadratic_drag, ("N s^2/m^2", "Nm s^2")),
-    LINEAR: (lambda model: model.linear_drag, ("N s/m", "Nm s")),
+    QUADRATIC: (lambda model: model.quadratic_drag, ("N s^2/m^2", "N m s^2")),
+    LINEAR: (lambda model: model.linear_drag, ("N s/m", "N m s")),
 }
 """Six numbers of each quantity, and their unit in translation and in rotation."""
 

@@ -157,7 +157,7 @@ def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> N
 
 
 def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> AllocationStatus:
-    """Command a wrench [N, Nm] for a span of vehicle time; returns the last allocation, ends with a zero wrench."""
+    """Command a wrench [N, N m] for a span of vehicle time; returns the last allocation, ends with a zero wrench."""
     operator.awaited(lambda: operator.allocation, ANSWER_S, lambda: f"the allocator; {UP}")
     with operator.sender(OPERATOR_WRENCH, "the pilot, which accepts operator wrenches") as send:
         end = after(operator.now(), seconds)

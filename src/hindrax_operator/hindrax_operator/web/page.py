@@ -59,8 +59,13 @@ def _navigation(found: Navigation | None) -> Json | None:
         return None
     roll, pitch, heading = (math.degrees(angle) for angle in found.attitude_rad)
     velocity = dict(zip(("surge", "sway", "heave"), found.velocity_mps, strict=True))
-    angles = {"roll": roll, "pitch": pitch, "heading": heading % 360.0}
+    angles = {"roll": roll, "pitch": pitch, "heading": _compass(heading)}
     return {**angles, **velocity, "depth": found.depth_m, "altitude": found.altitude_m, "locked": found.dvl_locked}
+
+
+def _compass(angle_deg: float) -> float:
+    """Heading from 0 on, rounded to what the page shows before the turn is taken off: never 360.0 there."""
+    return round(angle_deg, 1) % 360.0
 
 
 def _hold(hold: HoldState) -> Json:
@@ -69,7 +74,7 @@ def _hold(hold: HoldState) -> Json:
     return {
         "axis": hold.axis,
         "engaged": bool(hold.engaged),
-        "setpoint": setpoint % 360.0 if hold.axis == "heading" else setpoint,
+        "setpoint": _compass(setpoint) if hold.axis == "heading" else setpoint,
         "error": error,
         "unit": "deg" if angle else "m",
         "note": hold.note,

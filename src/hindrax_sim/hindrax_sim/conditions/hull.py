@@ -41,7 +41,7 @@ def drag_exponent(world: Realization, size: float, _draws: NormalDraws) -> None:
     exponent = 2.0 + size
 
     def beyond(axis: int, speed: float) -> float:
-        """What k_q V^(2 - n) |v|^n has beyond k_q v^2 [N, Nm]."""
+        """What k_q V^(2 - n) |v|^n has beyond k_q v^2 [N, N m]."""
         k_q, along = quadratic[axis][speed < 0.0], abs(speed)
         return math.copysign(k_q * (TESTED[axis] ** (2.0 - exponent) * along**exponent - along * along), speed)
 
@@ -102,7 +102,7 @@ class KnownLoad:
 
     @property
     def level(self) -> Vec6:
-        """Wrench of the whole load on a level vehicle [N, Nm]."""
+        """Wrench of the whole load on a level vehicle [N, N m]."""
         return lever_wrench(self._force, self._lever_m)
 
 

@@ -13,7 +13,7 @@ Travel: TypeAlias = tuple[Vec3, Vec3]
 TravelError: TypeAlias = Callable[[Plant, Travel], Travel]
 """Travel as a velocity sensor measures it."""
 DragChange: TypeAlias = Callable[[int, float], float]
-"""Resistance of an axis (0 surge to 5 yaw) at a speed, beyond that of the hull's coefficients [N, Nm]."""
+"""Resistance of an axis (0 surge to 5 yaw) at a speed, beyond that of the hull's coefficients [N, N m]."""
 
 TESTED = (0.5, 0.5, 0.5, 1.0, 1.0, 1.0)
 """Speed of each axis at which other laws of drag agree with the coefficients of the vehicle file [m/s, rad/s]."""
@@ -41,7 +41,7 @@ class Realization:
         return truth_of(self.vehicle)
 
     def resistance(self, axis: int, speed: float) -> float:
-        """Drag of the hull against a motion, positive with a positive speed [N, Nm]."""
+        """Drag of the hull against a motion, positive with a positive speed [N, N m]."""
         own = self.hydrodynamics.drag(AXES[axis]).resistance(speed)
         return own + sum(change(axis, speed) for change in self.drag_changes)
 

@@ -92,7 +92,7 @@ def wake(world: Realization, size: float, _draws: NormalDraws) -> None:
 
 
 def _follow(world: Realization, lag_s: float, force: Callable[[int, float, float], float]) -> None:
-    """Add a force [N, Nm] by axis, velocity through the water, and that through a first-order lag."""
+    """Add a force [N, N m] by axis, velocity through the water, and that through a first-order lag."""
     followed = [0.0] * 6
 
     def push(plant: Plant, dt: float) -> Vec6:

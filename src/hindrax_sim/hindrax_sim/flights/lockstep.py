@@ -36,7 +36,7 @@ Event: TypeAlias = Stamped[Navigation] | Stamped[Allocation] | Stamped[Phase] | 
 
 @dataclass(frozen=True, slots=True)
 class LockstepCommand:
-    """Command of a pilot: a wrench about the center of mass [N, Nm], the phase of its motion, armed thrusters.
+    """Command of a pilot: a wrench about the center of mass [N, N m], the phase of its motion, armed thrusters.
 
     `disabled` are thrusters to exclude permanently. `forces_N`: of the thrusters one by one, instead of the wrench.
     """

@@ -57,7 +57,7 @@ class PoolFlight:
         return truth_of(self.world.truth.described())
 
     def drag_N(self, motion: str, speed: float) -> float:
-        """The hull's own drag at a signed speed, positive with it [N, Nm]."""
+        """The hull's own drag at a signed speed, positive with it [N, N m]."""
         return self.world.truth.resistance(MOTIONS[motion].axis, speed)
 
 

@@ -72,7 +72,7 @@ class WeighingPilot:
 
 @dataclass(frozen=True, slots=True)
 class WeighingFlight:
-    """Record; begin and end of each measurement, and its load on the axis [N, Nm]."""
+    """Record; begin and end of each measurement, and its load on the axis [N, N m]."""
 
     events: list[Stamped[IdentEvent]]
     spans: list[tuple[Stamp, Stamp, float]]

@@ -38,7 +38,7 @@ ThrustLoss: TypeAlias = Callable[[list[float]], list[float]]
 """Steady forces of all thrusters, each as if it ran alone, to those that they have together [N]."""
 Influence: TypeAlias = "Callable[[Plant, float], Vec6]"
 """What acts on the plant beside its own law, asked at the beginning of every step of so many seconds: its wrench about
-the center of mass in body axes during this step [N, Nm]. It may change water and supply."""
+the center of mass in body axes during this step [N, N m]. It may change water and supply."""
 
 
 class Plant:
@@ -169,7 +169,7 @@ class Plant:
         return (self.u + cu, self.v + cv, self.w + cw)
 
     def _awash(self, emerged_m: float) -> tuple[float, float, float, float]:
-        """Net weight [N] and buoyancy's moments per unit of "down" [Nm] with the top this far out of the water.
+        """Net weight [N] and buoyancy's moments per unit of "down" [N m] with the top this far out of the water.
 
         The hull counts as a box: it displaces by the share of its height that is under water, about the same center.
         """

@@ -30,7 +30,7 @@ from hindrax_analysis.identification.record_identification import (
     worthwhile,
 )
 from hindrax_analysis.identification.verdict import NextCommand, NextFlight, NextReport, show_next
-from hindrax_analysis.records.autopilot_vehicle import BOX, OF_THE_SIMULATOR, logged_wiring, wired
+from hindrax_analysis.records.autopilot_vehicle import A_SIMULATOR, BOX, OF_THE_SIMULATOR, logged_wiring, wired
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.csv_thrusters import MEANING, OUTPUTS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
@@ -107,10 +107,7 @@ def opened(arguments: argparse.Namespace) -> tuple[Vehicle | None, list[RecordSo
     return named, open_sources(arguments.records, topics, named), task
 
 
-SIMULATED = (
-    "by its SIM_ parameters the log is of ArduPilot's simulator, whose own vehicle is assumed; behind Gazebo or "
-    "another simulator it is another one"
-)
+SIMULATED = f"{A_SIMULATOR}, whose own vehicle is assumed; behind Gazebo or another simulator it is another one"
 """Sentence about the vehicle of a simulator's log."""
 
 

@@ -19,8 +19,8 @@ SIZES = (("length", "m", "along x"), ("width", "m", "along y"), ("height", "m", 
 AREAS = ("front", "side", "top")
 ESTIMATED = {
     "added mass": ("kg", "kg m^2"),
-    "quadratic drag": ("N s^2/m^2", "Nm s^2"),
-    "linear drag": ("N s/m", "Nm s"),
+    "quadratic drag": ("N s^2/m^2", "N m s^2"),
+    "linear drag": ("N s/m", "N m s"),
     "inertia": ("kg m^2",),
 }
 """Columns of the estimate, with the units of translation and rotation."""

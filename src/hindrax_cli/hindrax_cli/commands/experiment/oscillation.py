@@ -94,7 +94,7 @@ def _show_free_decay(result: FreeDecay, kind: str) -> None:
     option("--mass", type=positive, required=True, metavar="KG", help="mass of the model [kg]"),
     option("--length", type=positive, required=True, metavar="M", help="length, for dimensionless forms [m]"),
     option("--inertia", type=positive, metavar="KGM2", help="of the model, for pitch and yaw [kg m^2]"),
-    option("--restoring", type=float, default=0.0, metavar="NM", help="m g z_B, for pitch [Nm]"),
+    option("--restoring", type=float, default=0.0, metavar="N_M", help="m g z_B, for pitch [N m]"),
     DENSITY,
     add_output,
 )

@@ -43,7 +43,7 @@ def _elsewhere(parser: argparse.ArgumentParser) -> None:
     mock.add_argument("--seed", type=seed, default=1, help="of the mock's noise; default 1")
     bag = parser.add_argument_group("after the fact")
     bag.add_argument("--bag", type=Path, metavar="BAG", help="a record of this stack")
-    when = "load with the axis [N, Nm] and its interval, in seconds from the start of the bag; repeatable"
+    when = "load with the axis [N, N m] and its interval, in seconds from the start of the bag; repeatable"
     bag.add_argument("--hold", action="append", default=[], metavar="LOAD:FROM:TO", help=when)
 
 
@@ -212,7 +212,7 @@ def show(found: Weighing, kept: str) -> None:
     gain = found.gain
     ways = (("positive", gain.positive), ("negative", gain.negative))
     rows: list[tuple[str, object, str]] = [(way, Value(value, gain.sigma), "-") for way, value in ways if value]
-    unit = "Nm" if AXES.index(found.axis) >= 3 else "N"
+    unit = "N m" if AXES.index(found.axis) >= 3 else "N"
     rows += [
         ("std of half the difference of both ways", f"{gain.sigma_difference:.2g}", "-"),
         ("weighed up to", gain.load, unit),

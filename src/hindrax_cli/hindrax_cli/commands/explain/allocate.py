@@ -21,7 +21,7 @@ def _negative_numbers(parser: argparse.ArgumentParser) -> None:
 @command(
     "./hindrax allocate --wrench 14 0 2 0 0 0.5 --disable T3",
     _negative_numbers,
-    option("--wrench", nargs=6, type=finite, required=True, metavar=WRENCH_SYMBOLS, help="wanted, SNAME axes [N, Nm]"),
+    option("--wrench", nargs=6, type=finite, required=True, metavar=WRENCH_SYMBOLS, help="wanted, SNAME axes [N, N m]"),
     option("--disable", action="extend", nargs="+", default=[], metavar="NAME", help="leave out thrusters"),
     option("--supply", type=positive, metavar="V", help="supply voltage; default: of the vehicle file"),
     add_vehicle,

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.records.autopilot_vehicle import (
+    A_SIMULATOR,
     LOW_V,
     PARAMETERS,
     PULSES_us,
@@ -41,8 +42,8 @@ NO_OUTPUT = (
 )
 """What helps where the autopilot drives other motors than its frame has."""
 SIMULATED = (
-    "note: by its SIM_ parameters it is ArduPilot's simulator: the file describes the vehicle that it simulates; its "
-    "depth is by its first barometer: fly it with `--set autopilot.barometer:=1`"
+    f"note: {A_SIMULATOR}: the file describes the vehicle that it simulates; its depth is by its first barometer: "
+    "fly it with `--set autopilot.barometer:=1`"
 )
 ANSWERS_SUFFIX = ".answers"
 """Suffix of the file of answers that have not made a vehicle file yet."""

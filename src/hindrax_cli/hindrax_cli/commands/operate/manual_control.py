@@ -190,7 +190,7 @@ def wrench_text(wrench: Iterable[float]) -> str:
 
 
 class Allocated(Protocol):
-    """An AllocationStatus message: wrenches [N, Nm], and what was refused."""
+    """An AllocationStatus message: wrenches [N, N m], and what was refused."""
 
     @property
     def achieved(self) -> Iterable[float]:

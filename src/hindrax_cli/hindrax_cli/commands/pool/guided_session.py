@@ -171,7 +171,10 @@ def opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
     """
     session = planned_session(arguments)
     if goes_on(arguments):
+        print_stderr("goes on with the vehicle, motions, world and load that the session was begun with")
         return session, RunFolder(Path(arguments.session).resolve())
+    vehicle = load_vehicle(arguments.vehicle)
+    print_stderr(f"{vehicle.name} {motions_to_fly(arguments.dof, vehicle)}")
     return session, make_run_folder(arguments.session or arguments.out, Path(arguments.vehicle))
 
 
@@ -198,13 +201,11 @@ def planned_session(arguments: argparse.Namespace) -> PoolSession:
         if bool(session.settings["mock"]) != arguments.mock:
             began, now = ("with", "without") if session.settings["mock"] else ("without", "with")
             raise UsageError(f"--session {arguments.session}: was begun {began} --mock, found {now}; go on as it began")
-        print_stderr("goes on with the vehicle, motions, world and load that the session was begun with")
         if not arguments.yes and not arguments.mock and session.left:
             require_tty()
         return session
     vehicle = load_vehicle(arguments.vehicle)
     servable = motions_to_fly(arguments.dof, vehicle)
-    print_stderr(f"{vehicle.name} {servable}")
     mock = None
     if arguments.mock:
         mock = MockOptions(arguments.seed, arguments.rate or 0.0, (), world_of_pool_test(arguments.world))

@@ -264,7 +264,7 @@ class StackStepRunner:
         with Progress(headless=True) as progress:
             flight = fly(replace(self.options, motions=(axis,)), made, progress, act)
         if flight.interrupted:
-            print_stderr("take the weight and its line off")
+            print_stderr(TAKE_OFF)
             raise KeyboardInterrupt
         self._await_enter(TAKE_OFF)
         if flight.aborted or not held:

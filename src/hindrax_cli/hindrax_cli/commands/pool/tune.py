@@ -123,7 +123,7 @@ def _show(gains: HoldGains, rehearsal: Rehearsal, typed: Sequence[str]) -> None:
         for axis, one in gains.axes.items()
     ]
     columns = ("w [rad/s]", "K_p [N/m]", "K_d [N s/m]", "T_i [s]", "rate [m/s]", "gain", "phase [deg]")
-    print_table("Gains (of turns Nm and rad) and margins of the worst vehicle", ("axis",), columns, rows)
+    print_table("Gains (of turns N m and rad) and margins of the worst vehicle", ("axis",), columns, rows)
     steps = [
         (name, *(f"{one.settled_s:.1f}" if one.settled else "never" for one in pair))
         for name, pair in rehearsal.items()
