@@ -526,10 +526,63 @@ def test_a_wrench_without_stamps_is_taken_by_its_times_of_receipt(desk: Desk) ->
 )
 def test_frames_are_turned_into_sname(tmp_path: Path, frame: str, sign: float) -> None:
     bag = as_bag(tmp_path / "a.mcap", ("nav_msgs/msg/Odometry", "/odom", frame), axis=1, end_s=10.0)
-    found = read_bag(bag, TopicSelection(), topics_of(bag))
+    (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
     (_, v), (_, w) = flown(end_s=10.0)
     assert found.velocity[:, 1] == pytest.approx(sign * v)
     assert found.wrench[:, 1] == pytest.approx(-w)
+
+
+@pytest.mark.parametrize(
+    ("world", "body", "sign"),
+    [("world_ned", "rov/base_link", 1.0), ("odom", "base_link", -1.0), ("world_ned", "base_link_flu", -1.0)],
+)
+def test_in_a_world_with_z_down_the_body_has_z_down(tmp_path: Path, world: str, body: str, sign: float) -> None:
+    """Stonefish's odometry: taken as z up, what floats was said to sink."""
+    velocities, (t_w, w) = flown(end_s=10.0)
+    kind, name, rows = reported(velocity_message, ("nav_msgs/msg/Odometry", "/odom", body), velocities, 2)
+    for _, content in rows:
+        content["header"]["frame_id"] = world
+    thrust = reported(wrench_message, ("geometry_msgs/msg/WrenchStamped", "/thrust", body), (t_w, w), 2)
+    bag = bag_of(tmp_path / "a.mcap", [(kind, name, rows), thrust])
+    (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
+    assert found.velocity[:, 2] == pytest.approx(sign * velocities[1])
+    assert found.wrench[:, 2] == pytest.approx(sign * w)
+    assert any("the world of the odometry is 'world_ned'" in one for one in found.assumptions) == (sign > 0.0)
+
+
+def stamped_again(path: Path, late: int | None = None) -> Path:
+    """Two flights in one bag, whose stamps begin again with the second; one message may come late by 5 s."""
+    velocities, thrusts = flown(end_s=40.0)
+    topics = []
+    for make, topic, (t, values) in ((velocity_message, ODOMETRY, velocities), (wrench_message, THRUST, thrusts)):
+        kind, name, rows = reported(make, topic, (t, values))
+        if late is not None and make is velocity_message:
+            rows[late][1]["header"]["stamp"]["sec"] -= 5
+        again = reported(make, topic, (t, values))[2]
+        topics.append((kind, name, [*rows, *((at + 50.0, content) for at, content in again)]))
+    return bag_of(path, topics)
+
+
+@pytest.mark.parametrize("late", [None, 40])
+def test_stamps_that_step_back_begin_a_record(tmp_path: Path, late: int | None) -> None:
+    """A simulator that was reset: both flights were sorted into each other in silence."""
+    bag = stamped_again(tmp_path / "a.mcap", late)
+    found = read_bag(bag, TopicSelection(), topics_of(bag))
+    (t_v, v), (t_w, w) = flown(end_s=40.0)
+    assert [len(one.velocity_t) for one in found] == [len(t_v)] * 2
+    assert [len(one.wrench_t) for one in found] == [len(t_w)] * 2
+    assert found[1].velocity[:, 0] == pytest.approx(v)
+    assert found[1].wrench[:, 0] == pytest.approx(w)
+    assert "the stamps of /odom step back once: 2 records" in found[0].assumptions
+
+
+def test_a_message_that_comes_late_begins_no_record(tmp_path: Path) -> None:
+    velocities, thrusts = flown(end_s=40.0)
+    kind, name, rows = reported(velocity_message, ODOMETRY, velocities)
+    rows[40][1]["header"]["stamp"]["sec"] -= 5
+    bag = bag_of(tmp_path / "a.mcap", [(kind, name, rows), reported(wrench_message, THRUST, thrusts)])
+    (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
+    assert len(found.velocity_t) == len(velocities[0])
 
 
 def test_mixed_frames_agree_after_turning(desk: Desk) -> None:
@@ -551,7 +604,7 @@ def test_a_frame_can_be_given(desk: Desk) -> None:
 def test_a_velocity_that_is_marked_unknown_is_not_used(tmp_path: Path, variance: float, known: bool) -> None:
     kind = "geometry_msgs/msg/TwistWithCovarianceStamped"
     bag = as_bag(tmp_path / "a.mcap", (kind, "/velocity", "base_link"), end_s=5.0, variance=variance)
-    assert np.isfinite(read_bag(bag, TopicSelection(), topics_of(bag)).velocity).all() == known
+    assert np.isfinite(read_bag(bag, TopicSelection(), topics_of(bag))[0].velocity).all() == known
 
 
 def test_several_topics_are_ambiguous_until_one_is_named(desk: Desk) -> None:
@@ -604,7 +657,7 @@ def test_sqlite_bags_open_too(desk: Desk) -> None:
             received = (numbers[message.topic], message.received, message.data)
             base.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)", received)
     assert set(desk.of_small(bag)["motions"]) == {"surge"}
-    read, wanted = (read_bag(one, TopicSelection(), topics_of(one)) for one in (bag, mcap))
+    (read,), (wanted,) = (read_bag(one, TopicSelection(), topics_of(one)) for one in (bag, mcap))
     assert np.array_equal(read.velocity, wanted.velocity)
     assert np.array_equal(read.wrench, wanted.wrench)
 
@@ -622,7 +675,7 @@ def pulses_bag(path: Path, channels: list[int]) -> Path:
 def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path: Path) -> None:
     bag = pulses_bag(tmp_path / "a.mcap", [1700, 1700, 0, 0, 1500, 1500, 1500, 1500])
     vehicle = load_vehicle(default_vehicle())
-    found = read_bag(bag, TopicSelection(wrench="/mavros/rc/out"), topics_of(bag), vehicle)
+    (found,) = read_bag(bag, TopicSelection(wrench="/mavros/rc/out"), topics_of(bag), vehicle)
     branch = vehicle.curves["main"].negative
     assert found.wrench[:, 0] == pytest.approx(-2.0 * math.cos(math.radians(55.0)) * branch.force_N(1300.0))
     assert found.wrench[:, 1] == pytest.approx(0.0, abs=1e-9)
@@ -669,7 +722,7 @@ FORWARD = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 def test_arrays_of_any_message_become_forces_by_field_and_unit(tmp_path: Path, named: str, values: list[float]) -> None:
     bag = own_message_bag(tmp_path / "a.mcap", values)
     vehicle = load_vehicle(default_vehicle())
-    found = read_bag(bag, TopicSelection(wrench=named), topics_of(bag), vehicle)
+    (found,) = read_bag(bag, TopicSelection(wrench=named), topics_of(bag), vehicle)
     first = thrust_curves(vehicle)[0]
     low, high = sorted(first.pulse(force) for force in first.range_N)
     force = {

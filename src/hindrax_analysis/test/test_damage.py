@@ -46,6 +46,27 @@ def test_zeros_of_a_dvl_without_lock_are_left_out_on_all_its_axes() -> None:
                for one in found.assumptions)  # fmt: skip
 
 
+@pytest.mark.parametrize("none", [-32.768, 9999.0])
+def test_a_number_that_stands_for_no_velocity_is_none(none: float) -> None:
+    """Kept, it refused a record for "a dead band of the thrust"; a Doppler log without lock has -32768 mm/s."""
+    surge = moving()
+    lost = np.isin(np.arange(len(T)) % 40, (3, 4, 5))
+    damaged = np.where(lost, none, surge)
+    damaged[between(50.0, 53.0)] = none
+    found = without_damage(recorded(array(damaged)))
+    absent = lost.copy()
+    absent[between(50.0, 53.0)] = True
+    assert (np.isnan(found.velocity[:, 0]) == absent).all()
+    assert (found.velocity[~absent, 0] == surge[~absent]).all()
+    assert any(f"{absent.sum()} velocities of exactly {none:g}" in one for one in found.assumptions)
+
+
+def test_two_numbers_stand_for_no_velocity() -> None:
+    surge = moving()
+    surge[::50], surge[1::50] = 99.0, -99.0
+    assert np.isnan(without_damage(recorded(surge)).velocity[:, 0]).sum() == 32
+
+
 def test_a_rest_before_the_first_thrust_is_no_damage() -> None:
     rest = recorded(array(np.concatenate((np.zeros(100), moving()[:700] - moving()[0]))))
     rest.wrench[:, 0] = np.concatenate((np.zeros(100), PUSH_N[:700]))

@@ -56,3 +56,9 @@ def test_a_table_of_forces_below_one_of_velocities_is_the_same_record() -> None:
 def test_a_few_lines_are_no_record() -> None:
     (one,) = read_records("\n".join(["t,u,X", *rows(5.0, 5), *rows(0.0)]), "x.csv")
     assert len(one.velocity_t) == 45
+
+
+def test_a_clock_that_begins_again_at_midnight_goes_on() -> None:
+    (one,) = read_records("\n".join(["t,u,X", *rows(86_399.0), *rows(1.0)]), "x.csv")
+    assert one.duration_s == pytest.approx(1.95 + 2.0)
+    assert np.all(np.diff(one.velocity_t) > 0.0)

@@ -23,6 +23,8 @@ SAID = {
     objection(Code.UNNAMED, sentence="so it is"): "so it is",
     objection(Code.SLOW_VELOCITIES, step_s=100.0): "velocities are 100 s apart: name the unit of the times if it is "
     "not s, such as t_ms",
+    objection(Code.FAST_VELOCITIES, step_s=1.16e-6): "velocities are 1.16e-06 s apart: name the unit of the times if "
+    "it is not s, such as t_d for days",
     objection(Code.FEW_VELOCITIES, found=3, axis="surge", wanted=20): "the record holds 3 velocities of surge, wanted "
     "20 at least",
     objection(Code.NO_THRUST, kind="moment", axis="yaw"): "the record holds no moment on yaw",

@@ -169,14 +169,17 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
             f" with --odometry {resolved(ODOMETRY)}"
         )
     try:
-        return [RecordSource(bag, read_bag(bag, wanted, topics, vehicle))]
+        return [RecordSource(bag, one) for one in read_bag(bag, wanted, topics, vehicle)]
     except UsageError as error:
         # A topic that is not there may be what a damaged file has lost.
         raise UsageError("; ".join([str(error), *damage.sentences])) from error
 
 
 def _text(file: Path) -> str:
-    """Text in UTF-8, or as saved by spreadsheets: UTF-16 with its mark or without it, or Latin-1."""
+    """Text in UTF-8, or as saved by spreadsheets: UTF-16 with its mark or without it, or Latin-1.
+
+    Zeros at its end are blocks that a power cut left unwritten.
+    """
     try:
         data = file.read_bytes()
     except OSError as error:
@@ -186,7 +189,7 @@ def _text(file: Path) -> str:
     codes = ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else (unmarked, "latin-1")
     for code in codes:
         try:
-            return data.decode(code)
+            return data.decode(code).rstrip("\0")
         except UnicodeDecodeError:
             continue
     raise UsageError(f"{file}: cannot be read as text, wanted UTF-8")

@@ -6,7 +6,10 @@ Symbols: p position in the world, q = (x, y, z, w) unit quaternion of the body i
 its rotation from body to world; both signs of q are the same attitude.
 """
 
-from dataclasses import dataclass, field
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -41,6 +44,8 @@ CLEAR_RATIO = 4.0
 """Ratio of mean squared errors above which one frame is the right one."""
 
 
+STEP_BACK_S, STEP_BACK_PERIODS = 1.0, 20.0
+"""Stamps that step back by more than both begin a record; by less it is jitter."""
 EXACT_m = 1e-5
 """Deviation of positions that no instrument has."""
 
@@ -57,6 +62,8 @@ class Track:
     poses: list[list[float]] = field(default_factory=list)
     """Position and quaternion x, y, z, w; empty where the topic has none."""
     frame: str = ""
+    world: str = ""
+    """Frame of the poses."""
     values: ThrusterValues | None = None
     """Where the messages hold numbers of single thrusters instead of a wrench."""
 
@@ -75,17 +82,33 @@ class Track:
         else:
             self._add_motion(content)
 
+    def parted(self, at: Sequence[int]) -> "list[Track]":
+        """The messages before and from each index on: one track more than indices."""
+        columns = ("stamped", "received", "rows", "poses")
+        ends = itertools.pairwise((0, *at, len(self.received)))
+        return [replace(self, **{name: getattr(self, name)[i:end] for name in columns}) for i, end in ends]
+
     def _add_motion(self, content: object) -> None:
         if hasattr(content, "pose"):
             pose = getattr(content.pose, "pose", content.pose)
             self.poses.append([*_six(pose.position, pose.orientation), float(pose.orientation.w)])
             # The header of a pose names the world.
-            self.frame = getattr(content, "child_frame_id", "")
+            self.frame, self.world = getattr(content, "child_frame_id", ""), self.frame
         if hasattr(content, "angular_velocity"):
             rate = content.angular_velocity
             self.rows.append([UNKNOWN, UNKNOWN, UNKNOWN, float(rate.x), float(rate.y), float(rate.z)])
         elif not self.kind.startswith("geometry_msgs/msg/Pose"):
             self.rows.append(_twist(getattr(content, "twist", content)))
+
+
+def steps_back(stamped: Sequence[int]) -> list[int]:
+    """Messages (by their index) before which stamps [ns] step back and stay back: one alone came late."""
+    t = 1e-9 * np.array(stamped, dtype=float)
+    steps = np.diff(t)
+    rising = steps[steps > 0.0]
+    least_s = max(STEP_BACK_S, STEP_BACK_PERIODS * float(np.median(rising))) if len(rising) else math.inf
+    found = np.flatnonzero(steps < -least_s) + 1
+    return [int(i) for i in found if i + 1 < len(t) and t[i + 1] < t[i - 1]]
 
 
 class Vector(Protocol):

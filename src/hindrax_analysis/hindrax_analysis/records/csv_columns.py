@@ -36,6 +36,7 @@ COLUMNS: dict[str, str] = {
 DEGREE = math.pi / 180.0
 KGF, LBF, INCH = 9.80665, 4.4482216152605, 0.0254
 _TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "nsec": 1e-9, "min": 60.0}
+_TIME |= {"h": 3600.0, "d": 86400.0, "days": 86400.0}
 _SPEED = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "ft/s": 12.0 * INCH}
 _SPEED |= {
     "mps": 1.0,

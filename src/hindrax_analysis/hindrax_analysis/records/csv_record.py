@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hindrax_analysis.records.bag_track import are_exact, ways_from_poses
+from hindrax_analysis.records.bag_track import STEP_BACK_PERIODS, STEP_BACK_S, are_exact, ways_from_poses
 from hindrax_analysis.records.csv_angles import in_radians
 from hindrax_analysis.records.csv_axes import frame_by_depth, with_angles, with_depths
 from hindrax_analysis.records.csv_columns import (
@@ -43,6 +43,7 @@ UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 """Times above the first number are since 1970: factor and unit."""
 FORCES = "XYZKMN"
 AXES_OF = {"flu": "x forward, y left, z up", "fsd": "SNAME: x forward, y starboard, z down"}
+COARSE_CLOCK = "several lines share each time, as by a coarse clock: they are spread evenly"
 REAL_FORCES = "forces are those achieved by the thrusters, about the center of mass"
 
 
@@ -51,8 +52,11 @@ PLACE = {"px", "py", "yaw"}
 WANTED_TIME = "seconds with a decimal point, or a time as 2024-05-01T12:00:00.5"
 FEWEST_ROWS, MOST_RECORDS = 20, 50
 """Shorter or more numerous than this, pieces between steps back are no records but lines out of order."""
-STEP_BACK_S, STEP_BACK_PERIODS = 1.0, 20.0
-"""A time that steps back by more than both begins a record; by less it is jitter."""
+LONGEST_SHOWN = 40
+DAY_S, MINUTE_S = 86_400.0, 60.0
+ROWS_OF_TICK, MOST_TICKS, SHARE_OF_ROWS = 1.5, 1.5, 0.9
+"""Rows to a tick from which a clock is coarse, ticks over which they are spread at most, and the share of rows that
+hold both a velocity and a force in a table of one clock."""
 
 
 def read_records(
@@ -103,6 +107,7 @@ def read_records(
         for factor, unit in [(factor, unit) for least, factor, unit in UNIX_SCALES if size > least][:1]:
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
     unnamed = {meaning.name for meaning in meanings.values() if not meaning.has_unit}
+    columns["t"] = _over_midnight(columns["t"])
     columns, by_angles = in_radians(columns, unnamed)
     frame, columns, axes = _axes(columns, frame)
     forces_are = REAL_FORCES
@@ -110,13 +115,15 @@ def read_records(
         forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
         # The whole record is turned below, and these are in SNAME axes already.
         columns |= zip(FORCES, (forces * HALF_TURN if frame == "flu" else forces).T, strict=True)
-    pieces = _pieces(columns["t"])
-    parts = [_recording(source, {name: values[piece] for name, values in columns.items()}) for piece in pieces]
+    tables = [{name: values[piece] for name, values in columns.items()} for piece in _pieces(columns["t"])]
+    spread = [_spread(one, source) for one in tables]
+    coarse = COARSE_CLOCK if any(one is not other for one, other in zip(spread, tables, strict=True)) else ""
+    parts = [_recording(source, one) for one in spread]
     recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])
     steps = "once" if len(recordings) == 2 else f"{len(recordings) - 1} times"
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
     twice = f"{repeated} lines that repeat others were left out" if repeated else ""
-    assumptions = tuple(one for one in (by_size, *by_angles, *axes, forces_are, twice, back) if one)
+    assumptions = tuple(one for one in (by_size, *by_angles, *axes, forces_are, twice, coarse, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
 
@@ -149,6 +156,44 @@ def _pieces(t: Array) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:
     if len(pieces) > MOST_RECORDS or min(map(len, pieces)) < FEWEST_ROWS:
         pieces = [np.arange(len(t))]
     return [piece[np.argsort(t[piece], kind="stable")] for piece in pieces]
+
+
+def _over_midnight(t: Array) -> Array:
+    """Times (n,) [s] of a clock that begins again at midnight, carried on."""
+    steps = np.diff(t, prepend=t[:1])
+    return array(t + DAY_S * np.cumsum((steps < MINUTE_S - DAY_S) & (steps > -DAY_S)))
+
+
+def _spread(columns: dict[str, Array], source: str) -> dict[str, Array]:
+    """Columns in which rows that share the tick of a coarse clock are spread over it; the same ones where none do.
+
+    Velocity and force stand in the same row, so its place among those of a tick is the time of both. Of the first tick
+    there are the last rows, of the last one the first.
+    """
+    t = columns["t"]
+    ticks, starts, counts = np.unique(t, return_index=True, return_counts=True)
+    speeds, forces = (
+        np.column_stack([columns[name] for name in names if name in columns] or [np.full(len(t), NAN)])
+        for names in ("uvwpqr", FORCES)
+    )
+    whole = np.isfinite(speeds).any(axis=1) & np.isfinite(forces).any(axis=1)
+    within = np.diff(t) == 0.0
+    moves = (np.diff(speeds, axis=0) != 0.0).any(axis=1)[within]
+    few = len(t) < max(FEWEST_ROWS, ROWS_OF_TICK * len(ticks))
+    # A velocity that stays the same within a tick has the time, and the force alone changes.
+    if few or whole.mean() < SHARE_OF_ROWS or moves.mean() < SHARE_OF_ROWS:
+        return columns
+    if len(ticks) < 3:
+        raise HindraxError(
+            f"{source}: {len(t)} lines have only {len(ticks)} different times, {ticks[-1] - ticks[0]:g} s apart: their "
+            "digits are lost; write the times with more of them"
+        )
+    lasts_s = np.minimum(np.diff(ticks), MOST_TICKS * np.median(np.diff(ticks)))
+    step_s = float(np.median(lasts_s[1:] / counts[1:-1]))
+    steps_s = np.concatenate([[step_s], lasts_s[1:] / counts[1:-1], [step_s]])
+    begins = np.concatenate([[ticks[1] - step_s * counts[0]], ticks[1:]])
+    place = np.arange(len(t)) - np.repeat(starts, counts)
+    return columns | {"t": array(np.repeat(begins, counts) + place * np.repeat(steps_s, counts))}
 
 
 def _together(parts: list[Recording]) -> list[Recording]:
@@ -277,8 +322,13 @@ def _values(rows: list[Row], index: int, name: str, column: str, source: str) ->
             out.append(read(text))
         except ValueError:
             wanted = WANTED_TIME if name == "t" else "a number with a decimal point, or nothing"
-            raise HindraxError(f"{source}, line {line}, {column}: found {text!r}, wanted {wanted}") from None
+            raise HindraxError(f"{source}, line {line}, {column}: found {_shown(text)}, wanted {wanted}") from None
     return np.array(out)
+
+
+def _shown(text: str) -> str:
+    """A cell for an error: what is not of a table may be long."""
+    return repr(text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}...")
 
 
 def _check_times(time: Array, rows: list[Row], source: str) -> None:

@@ -30,6 +30,8 @@ MOST_OUTLIERS, MOST_ALONE, MOST_BESIDE = 0.05, 0.2, 0.4
 another next to it up to which they do."""
 SHORT_STEP, MOST_SHORT = 0.2, 0.4
 """A step below this share of the mean is one within a burst; share of such steps that makes a record one of bursts."""
+APART, FEWEST_OTHERS = 3.0, 10
+"""Distance of a number that stands for "no value" from all others, in spans of these, and their least number."""
 GAP_STEPS, GAP_S = 5.0, 1.0
 """Steps (of the median) and time without any velocity that are a gap."""
 
@@ -42,8 +44,11 @@ def without_damage(recording: Recording) -> Recording:
     at = np.searchsorted(spread.wrench_t, spread.velocity_t, side="right")
     thrust = np.vstack([np.full((1, 6), np.nan), spread.wrench])[at]
     for axis, name in enumerate(AXES):
-        known = np.flatnonzero(np.isfinite(spread.velocity[:, axis]))
-        t, v = spread.velocity_t[known], spread.velocity[known, axis]
+        for value, absent in _absent(velocity[:, axis]):
+            velocity[absent, axis] = np.nan
+            notes.append(f"{name}: {absent.sum()} velocities of exactly {value:g}, far from all others, stand for none")
+        known = np.flatnonzero(np.isfinite(velocity[:, axis]))
+        t, v = spread.velocity_t[known], velocity[known, axis]
         # One that was never measured is reported where it is asked for.
         if len(known) <= 2 * FEWEST_EQUAL or np.ptp(v) == 0.0:
             continue
@@ -51,10 +56,30 @@ def without_damage(recording: Recording) -> Recording:
             gone = known[damaged]
             velocity[gone, axis] = np.nan
             if axis < 3:  # without lock a DVL has no velocity at all
-                rows = spread.velocity[gone, :3]
+                rows = velocity[gone, :3]
                 velocity[gone, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[gone, :3])
             notes.append(f"{name}: {damaged.sum()} {'velocity' if damaged.sum() == 1 else 'velocities'} {what}")
     return replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
+
+
+def _absent(v: Array) -> Iterator[tuple[float, Flags]]:
+    """Each number that stands for "no value", such as -32.768 of a Doppler log without lock, and its samples (n,).
+
+    A vehicle reaches a velocity through those between. What recurs to the last digit and is far from all others was
+    never reached.
+    """
+    left = np.isfinite(v)
+    while left.any():
+        values, counts = np.unique(v[left], return_counts=True)
+        if len(values) <= FEWEST_OTHERS:
+            return
+        low, high = values[1] - values[0], values[-1] - values[-2]
+        end, others = (0, values[1:]) if low > high else (-1, values[:-1])
+        if counts[end] < 2 or max(low, high) <= APART * float(np.ptp(others)):
+            return
+        found = v == values[end]
+        yield float(values[end]), found
+        left &= ~found
 
 
 def _damage(t: Array, v: Array, force: Array) -> list[tuple[str, Flags]]:

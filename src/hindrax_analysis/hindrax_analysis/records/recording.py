@@ -28,8 +28,8 @@ NO_TIMES, NO_WAYS = array(np.zeros(0)), array(np.zeros((0, 3)))
 DERIVED = "odometry"
 """Source of velocities that were derived from places: those give the motion along their axes (`binning.NAVIGATORS`)."""
 
-SLOWEST_S = 5.0
-"""Median time between velocities above which the times are probably not in seconds."""
+SLOWEST_S, FASTEST_S = 5.0, 1e-4
+"""Median times between velocities, above and below which the times are probably not in seconds."""
 HALF_TURN = array(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]))
 """From forward, left, up to forward, starboard, down, and back."""
 
@@ -188,6 +188,8 @@ def _reasons_to_skip(recording: Recording, axis: int) -> Iterator[Objection]:
     step_s = _period(recording.velocity_t)
     if step_s > SLOWEST_S:
         yield objection(Code.SLOW_VELOCITIES, step_s=step_s)
+    if 0.0 < step_s < FASTEST_S:
+        yield objection(Code.FAST_VELOCITIES, step_s=step_s)
     if len(speeds) < FEWEST_VELOCITIES:
         yield objection(Code.FEW_VELOCITIES, found=len(speeds), axis=AXES[axis], wanted=FEWEST_VELOCITIES)
     if not len(forces):

@@ -17,6 +17,7 @@ from hindrax_analysis.records.bag_track import (
     are_exact,
     compare_frames,
     quaternions_of,
+    steps_back,
     tilts_of,
     to_body,
     velocities_from_poses,
@@ -32,9 +33,13 @@ from hindrax_core.topics import ALLOCATION, MANEUVER, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, Index, array
 
+FEWEST_MESSAGES = 20
+"""Fewer velocities than this between steps back of the stamps are no record."""
 FRAMES = ("flu", "fsd", "world")
 DOWN_WORDS = {"fsd", "frd", "ned", "sname"}
-"""Words in the name of a body frame whose z axis points down."""
+"""Words in the name of a frame whose z axis points down."""
+UP_WORDS = {"flu", "enu"}
+"""Words in the name of a frame whose z axis points up."""
 WORLD_WORDS = {"odom", "map", "world", "earth", "enu", "utm", "global"}
 
 
@@ -49,10 +54,11 @@ class TopicSelection:
 
 @dataclass(frozen=True, slots=True)
 class _FrameChoice:
-    """The named axes, and notes on the axes assumed."""
+    """The named axes, notes on the axes assumed, and a world of the odometry that points down; empty: it does not."""
 
     frame: str
     notes: list[str]
+    world_down: str = ""
 
     @property
     def is_given(self) -> bool:
@@ -80,8 +86,10 @@ def is_ours(topics: Mapping[str, str]) -> bool:
     return resolved(ALLOCATION) in topics and resolved(MANEUVER) in topics
 
 
-def read_bag(bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehicle: Vehicle | None = None) -> Recording:
-    """Read a third-party bag.
+def read_bag(
+    bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehicle: Vehicle | None = None
+) -> list[Recording]:
+    """Read a third-party bag. Stamps that step back begin another record: a simulator was reset, a clock began again.
 
     Parameters
     ----------
@@ -95,7 +103,7 @@ def read_bag(bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehic
 
     Returns
     -------
-    Recording
+    list[Recording]
         In SNAME axes, SI.
 
     Raises
@@ -120,8 +128,11 @@ def read_bag(bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehic
     for track in tracks.values():
         if not track.received:
             raise UsageError(f"{bag}: none of the messages of {track.topic} can be decoded; record it again")
-    found = _recording(bag, tracks[velocity], tracks[wrench], wanted.frame, vehicle)
-    return replace(found, assumptions=(*found.assumptions, *damage.sentences))
+    parts = _parts(tracks[velocity], tracks[wrench])
+    steps = "once" if len(parts) == 2 else f"{len(parts) - 1} times"
+    back = [f"the stamps of {velocity} step back {steps}: {len(parts)} records"] if len(parts) > 1 else []
+    found = [_recording(bag, v, w, wanted.frame, vehicle) for v, w in parts]
+    return [replace(one, assumptions=(*one.assumptions, *back, *damage.sentences)) for one in found]
 
 
 def _choose(
@@ -155,8 +166,19 @@ def _choose(
 # ---- axes and times
 
 
+def _parts(velocity: Track, wrench: Track) -> list[tuple[Track, Track]]:
+    """Both topics, or their parts between the steps back of the stamps of the velocities."""
+    back, also = steps_back(velocity.stamped), steps_back(wrench.stamped)
+    if len(also) != len(back):
+        also = np.searchsorted(wrench.received, [velocity.received[i] for i in back]).tolist()
+    parts = list(zip(velocity.parted(back), wrench.parted(also), strict=True))
+    long = [(v, w) for v, w in parts if len(v.received) >= FEWEST_MESSAGES and w.received]
+    return long if len(long) > 1 or (back and long) else [(velocity, wrench)]
+
+
 def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: Vehicle | None) -> Recording:
-    axes = _FrameChoice(frame, [])
+    down = bool(_words(velocity.world) & DOWN_WORDS)
+    axes = _FrameChoice(frame, [], velocity.world if down else "")
     t_v, t_w = _times(velocity, wrench, axes.notes)
     origin = min(t_v.min(), t_w.min())
     v, w = np.argsort(t_v, kind="stable"), np.argsort(t_w, kind="stable")
@@ -263,6 +285,10 @@ def _signs_to_sname(track: Track, axes: _FrameChoice) -> Array:
         )
     if words & DOWN_WORDS:
         axes.notes.append(f"{track.topic}: frame {track.frame!r} taken as x forward, y starboard, z down")
+        return array(np.ones(6))
+    if axes.world_down and not words & UP_WORDS:
+        found = f"the world of the odometry is {axes.world_down!r}"
+        axes.notes.append(f"{track.topic}: {found}, so it is taken as x forward, y starboard, z down")
         return array(np.ones(6))
     called = f"frame {track.frame!r}" if track.frame else "no frame is named, so it is"
     axes.notes.append(f"{track.topic}: {called} taken as x forward, y left, z up (REP-103), and turned to z down")

@@ -22,6 +22,7 @@ class Code(StrEnum):
 
     # ---- the record does not hold the motion at all
     SLOW_VELOCITIES = "slow_velocities"
+    FAST_VELOCITIES = "fast_velocities"
     FEW_VELOCITIES = "few_velocities"
     NO_THRUST = "no_thrust"
     LATE_THRUST = "late_thrust"
@@ -81,6 +82,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.UNNAMED: "{sentence}",
     Code.SLOW_VELOCITIES: "velocities are {step_s:.3g} s apart: name the unit of the times if it is not s, such as "
     "t_ms",
+    Code.FAST_VELOCITIES: "velocities are {step_s:.3g} s apart: name the unit of the times if it is not s, such as t_d "
+    "for days",
     Code.FEW_VELOCITIES: "the record holds {found} velocities of {axis}, wanted {wanted} at least",
     Code.NO_THRUST: "the record holds no {kind} on {axis}",
     Code.LATE_THRUST: "the first force comes {late_s:.3g} s after the last velocity: check the times of both",
