@@ -139,6 +139,24 @@ def test_bursts_are_spread_evenly() -> None:
     assert any("bursts of about 5" in one for one in found.assumptions)
 
 
+@pytest.mark.parametrize("pause_s", [600.0, 3.2e7])
+def test_a_pause_is_no_time_between_bursts(pause_s: float) -> None:
+    """Two dives of one record, or a clock that was set: their times were stretched over the pause."""
+    late = array(T + np.where(T > 30.0, pause_s, 0.0))
+    found = without_damage(recorded(moving(), t=late))
+    assert found.velocity_t.tolist() == late.tolist()
+    assert not any("bursts" in one for one in found.assumptions)
+
+
+def test_bursts_on_both_sides_of_a_pause_are_spread() -> None:
+    late = np.repeat(T[4::5], 5) + 1e-3 * np.tile(np.arange(-4, 1), len(T) // 5)
+    moved = np.where(T > 30.05, 600.0, 0.0)
+    found = without_damage(recorded(moving(), t=array(late + np.repeat(moved[4::5], 5))))
+    apart = np.abs(found.velocity_t - T - np.repeat(moved[4::5], 5))
+    assert np.flatnonzero(apart > 1e-9).tolist() == [0, 1, 2, 3, 300, 301, 302, 303]
+    assert apart.max() < 0.5
+
+
 def test_two_sensors_that_take_turns_are_no_bursts() -> None:
     record = recorded(moving(), moving(), t=array(T + np.where(np.arange(800) % 2, -0.099, 0.0)))
     record.velocity[::2, 1] = record.velocity[1::2, 0] = np.nan

@@ -125,6 +125,15 @@ def test_a_cut_keeps_the_force_in_force() -> None:
     assert cut.wrench[0, 0] == 20 % 7
 
 
+def test_a_clock_that_was_set_leaves_a_pause_that_is_no_year() -> None:
+    """A step of a year, as of a clock that the network sets, took gigabytes."""
+    text = "t,u,X\n" + "\n".join(f"{0.1 * i + 3.2e7 * (i > 20)},{i % 5},{i % 7}" for i in range(40))
+    cut = read_csv(text, "x.csv").between(0.0, math.inf)
+    assert cut.duration_s == pytest.approx(1000.0 + 3.8)
+    assert cut.velocity_t.tolist() == cut.wrench_t.tolist()
+    assert np.diff(cut.velocity_t)[[0, 19, 21, 38]] == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize(
     ("row", "code"),
     [

@@ -14,7 +14,7 @@ import numpy as np
 
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import AXES
-from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.arrays import Array, Flags, Index, array
 
 SHORTEST_STUCK_S, FEWEST_EQUAL = 0.5, 5
 """Least time and number of equal values of a stretch."""
@@ -30,6 +30,8 @@ MOST_OUTLIERS, MOST_ALONE, MOST_BESIDE = 0.05, 0.2, 0.4
 another next to it up to which they do."""
 SHORT_STEP, MOST_SHORT = 0.2, 0.4
 """A step below this share of the mean is one within a burst; share of such steps that makes a record one of bursts."""
+PAUSE_S = 5.0
+"""A longer step is no time between two bursts."""
 APART, FEWEST_OTHERS = 3.0, 10
 """Distance of a number that stands for "no value" from all others, in spans of these, and their least number."""
 GAP_STEPS, GAP_S = 5.0, 1.0
@@ -168,15 +170,27 @@ def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:
     # Rows of different axes are of different sensors: their times are unrelated.
     if len(steps) < 2 * FEWEST_EQUAL or float(np.mean(steps)) <= 0.0 or (known != known[0]).any():
         return recording, []
-    short = steps < SHORT_STEP * float(np.mean(steps))
+    # Neither a pause nor a clock that was set tells how often bursts come.
+    usual = steps[steps < PAUSE_S]
+    short = steps < SHORT_STEP * float(np.mean(usual)) if len(usual) else np.zeros(len(steps), dtype=bool)
     if float(np.mean(short)) < MOST_SHORT:
         return recording, []
     ends = np.concatenate((np.flatnonzero(~short), [len(t) - 1]))
-    even = np.interp(np.arange(len(t)), ends, t[ends])
-    even[: ends[0]] = t[0]  # when the first burst began is unknown
+    pauses = np.flatnonzero(steps >= PAUSE_S) + 1
+    even = np.concatenate([
+        _evenly(t[first:end], ends[(ends >= first) & (ends < end)] - first)
+        for first, end in itertools.pairwise((0, *pauses.tolist(), len(t)))
+    ])  # fmt: skip
     size = len(t) / len(ends)
     note = f"velocities came in bursts of about {size:.0f}, as by their times of receipt: they are spread evenly"
     return replace(recording, velocity_t=array(even)), [f"{note}; stamps of the measurement itself are better"]
+
+
+def _evenly(t: Array, ends: Index) -> Array:
+    """Times (n,) [s] spread from the last sample of one burst to that of the next; `ends`: indices of those."""
+    even = np.interp(np.arange(len(t)), ends, t[ends])
+    even[: ends[0]] = t[0]  # when the first burst began is unknown
+    return array(even)
 
 
 def _gaps(recording: Recording) -> list[str]:

@@ -30,6 +30,8 @@ DERIVED = "odometry"
 
 SLOWEST_S, FASTEST_S = 5.0, 1e-4
 """Median times between velocities, above and below which the times are probably not in seconds."""
+LONGEST_PAUSE_S = 1000.0
+"""A longer one tells no more, and may be a clock that was set while it ran."""
 HALF_TURN = array(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]))
 """From forward, left, up to forward, starboard, down, and back."""
 
@@ -77,11 +79,11 @@ class Recording:
         return max((float(t[-1]) for t in self.measured_t), default=0.0)
 
     def between(self, start_s: float, end_s: float) -> "Recording":
-        """Part of a record, with the force at its start."""
+        """Part of a record, with the force at its start; pauses in it last LONGEST_PAUSE_S at most."""
         v, a, p = ((t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t, self.way_t))
         first = max(0, int(np.searchsorted(self.wrench_t, start_s, side="right")) - 1)
         w = slice(first, int(np.searchsorted(self.wrench_t, end_s, side="right")))
-        return replace(
+        part = replace(
             self,
             velocity_t=self.velocity_t[v],
             velocity=self.velocity[v],
@@ -92,12 +94,34 @@ class Recording:
             way_t=self.way_t[p],
             way=self.way[p],
         )
+        return _with_short_pauses(part)
 
     def half_turned(self) -> "Recording":
         """The same record rotated by half a turn about x: left and up for starboard and down."""
         velocity, wrench = array(self.velocity * HALF_TURN), array(self.wrench * HALF_TURN)
         attitude = array(self.attitude * np.array([1.0, -1.0, 1.0]))
         return replace(self, velocity=velocity, wrench=wrench, attitude=attitude, way=array(self.way * HALF_TURN[:3]))
+
+
+def _with_short_pauses(recording: Recording) -> Recording:
+    """The record with less time where nothing at all was recorded: what is computed per second stays small."""
+    t = np.sort(np.concatenate([recording.velocity_t, recording.wrench_t, recording.attitude_t, recording.way_t]))
+    pauses = np.flatnonzero(np.diff(t) > LONGEST_PAUSE_S)
+    if not len(pauses):
+        return recording
+    left_out_s = np.append(0.0, np.cumsum(np.diff(t)[pauses] - LONGEST_PAUSE_S))
+
+    def earlier(times: Array) -> Array:
+        """Times (n,) [s] less what was left out before them."""
+        return array(times - left_out_s[np.searchsorted(t[pauses + 1], times, side="right")])
+
+    return replace(
+        recording,
+        velocity_t=earlier(recording.velocity_t),
+        wrench_t=earlier(recording.wrench_t),
+        attitude_t=earlier(recording.attitude_t),
+        way_t=earlier(recording.way_t),
+    )
 
 
 def is_complete(recording: Recording) -> bool:
