@@ -7,6 +7,7 @@ find the same for a while before they count.
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from hindrax_control.maneuver.plan import LAG_S
 from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
@@ -27,7 +28,6 @@ BLOCKED_PHASE_S = 1.5
 LEAST_UNCERTAINTY_m = 0.01
 """Margin for an uncertain position that is worth mentioning."""
 
-DEPTH = "depth"
 AUTO, SLOW, FLY = "auto", "slow", "fly"
 
 
@@ -73,6 +73,14 @@ class Situation:
     """Reason why its position in the pool is unknown; empty: it is at `place`."""
 
 
+class Finding(NamedTuple):
+    """What a guard found and wanted: empty where all is well; `remedy`: where it is not that of the reason."""
+
+    guard: Reason
+    text: str
+    remedy: str = ""
+
+
 class ManeuverGuards:
     """All guards of one vehicle."""
 
@@ -82,7 +90,7 @@ class ManeuverGuards:
         self._inertial = vehicle.measuring("rates")
         self._depth = vehicle.measuring("depth")
         self._velocity = vehicle.measuring("velocity")
-        self._remedies = {Reason.DVL_LOCK: AIDING} if velocity_is_estimated(vehicle) else {}
+        self._velocity_remedy = AIDING if velocity_is_estimated(vehicle) else ""
         by_autopilot = [name for name in self._depth if vehicle.sensors[name].device == "ardusub"]
         self._depth_remedy = BAROMETER.format(name=by_autopilot[0]) if by_autopilot else ""
         self._freedoms = prior_dynamics(vehicle)
@@ -93,40 +101,34 @@ class ManeuverGuards:
 
     def step(self, situation: Situation) -> tuple[Refusal, ...]:
         """Return "guard: what is wrong; what to do" for everything that is wrong now; nothing when all is well."""
-        wrong = [(guard, text) for guard, text in self._guards(situation) if text]
-        self._wrong_since_s = {guard: self._wrong_since_s.get(guard, situation.time_s) for guard, _ in wrong}
+        wrong = [one for one in self._guards(situation) if one.text]
+        self._wrong_since_s = {one.guard: self._wrong_since_s.get(one.guard, situation.time_s) for one in wrong}
         return tuple(
-            found(guard, text, self._remedy(guard, text))
-            for guard, text in wrong
-            if situation.time_s - self._wrong_since_s[guard] >= self._patience_s.get(guard, 0.0)
+            found(*one)
+            for one in wrong
+            if situation.time_s - self._wrong_since_s[one.guard] >= self._patience_s.get(one.guard, 0.0)
         )
 
-    def _remedy(self, guard: Reason, text: str) -> str:
-        """What to do where that is not what is usual: of an autopilot, silent rates have another cause than depth."""
-        if guard is Reason.SENSOR_AGE and text.startswith(DEPTH):
-            return self._depth_remedy
-        return self._remedies.get(guard, "")
-
-    def _guards(self, situation: Situation) -> Iterator[tuple[Reason, str]]:
-        """Yield each guard, and what it found and wanted: nothing where all is well."""
+    def _guards(self, situation: Situation) -> Iterator[Finding]:
+        """Yield what each guard found."""
         navigation, limits = situation.navigation, self._vehicle.limits
-        yield Reason.POOL_BOX, situation.unplaced or self._pool_box(situation.place, situation.walls_m)
-        yield Reason.DEPTH_BAND, self._depth_band(navigation.depth_m)
+        yield Finding(Reason.POOL_BOX, situation.unplaced or self._pool_box(situation.place, situation.walls_m))
+        yield Finding(Reason.DEPTH_BAND, self._depth_band(navigation.depth_m))
         under_m, least_m = navigation.altitude_m - self._half_height_m, self._knobs.floor_m
-        yield Reason.ALTITUDE_BAND, below("{} m of water under the hull, wanted {} m", under_m, least_m, 2)
+        yield Finding(Reason.ALTITUDE_BAND, below("{} m of water under the hull, wanted {} m", under_m, least_m, 2))
         least_V = limits.battery_V
-        yield Reason.BATTERY, below("{} V, wanted at least {} V", situation.battery_V, least_V, 1)
-        yield Reason.LEAK, "found water in the hull, wanted it dry" if situation.water_in_hull else ""
+        yield Finding(Reason.BATTERY, below("{} V, wanted at least {} V", situation.battery_V, least_V, 1))
+        yield Finding(Reason.LEAK, "found water in the hull, wanted it dry" if situation.water_in_hull else "")
         late_s = situation.time_s - situation.deadline_s
-        yield Reason.TIME_OUT, f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else ""
+        yield Finding(Reason.TIME_OUT, f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else "")
         lost = [axis for axis in dict.fromkeys(situation.needed_axes) if axis in situation.lost_axes]
-        yield Reason.THRUSTERS, f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
-        yield Reason.ATTITUDE, self._attitude(navigation)
+        yield Finding(Reason.THRUSTERS, f"{', '.join(lost)} cannot be served without the disabled ones" if lost else "")
+        yield Finding(Reason.ATTITUDE, self._attitude(navigation))
         speed_mps = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v)))
-        yield Reason.SPEED, above("{} m/s, wanted at most {} m/s", speed_mps, limits.speed_mps, 2)
-        yield Reason.SENSOR_AGE, self._sensor_age(navigation)
-        yield Reason.BLOCKED, self._blocked(situation)
-        yield Reason.DVL_LOCK, self._dvl_lock(situation)
+        yield Finding(Reason.SPEED, above("{} m/s, wanted at most {} m/s", speed_mps, limits.speed_mps, 2))
+        yield self._sensor_age(navigation)
+        yield Finding(Reason.BLOCKED, self._blocked(situation))
+        yield Finding(Reason.DVL_LOCK, self._dvl_lock(situation), self._velocity_remedy)
 
     def is_blocked(self, time_s: float) -> bool:
         """Whether thrust has not moved it for a while, even if not yet long enough for the guard."""
@@ -179,17 +181,19 @@ class ManeuverGuards:
             return tilted
         return "" if math.isfinite(sum(navigation.attitude_rad)) else "unknown, wanted roll, pitch and heading"
 
-    def _sensor_age(self, navigation: Navigation) -> str:
+    def _sensor_age(self, navigation: Navigation) -> Finding:
+        """Of an autopilot, silent rates have another cause than silent depths."""
         inertial_s = min((navigation.ages_s.get(name, math.inf) for name in self._inertial), default=0.0)
         limits = (
-            ("rates", self._inertial, inertial_s, self._knobs.inertial_age_s),
-            (DEPTH, self._depth, navigation.depth_age_s, self._knobs.depth_age_s),
+            ("rates", self._inertial, inertial_s, self._knobs.inertial_age_s, ""),
+            ("depth", self._depth, navigation.depth_age_s, self._knobs.depth_age_s, self._depth_remedy),
         )
-        for quantity, names, age_s, limit_s in limits:
+        for quantity, names, age_s, limit_s, remedy in limits:
             if names and age_s > limit_s:
-                age = above("{} s ago, wanted at most {} s", age_s, limit_s, 2)
-                return f"{quantity} from {' and '.join(names)} received {age}".replace("inf s ago", "never")
-        return "" if math.isfinite(navigation.depth_m) else f"{DEPTH} unknown"
+                age = above("{} s ago, wanted at most {} s", age_s, limit_s, 2).replace("inf s ago", "never")
+                return Finding(Reason.SENSOR_AGE, f"{quantity} from {' and '.join(names)} received {age}", remedy)
+        unknown = "" if math.isfinite(navigation.depth_m) else "depth unknown"
+        return Finding(Reason.SENSOR_AGE, unknown, self._depth_remedy)
 
     def _blocked(self, situation: Situation) -> str:
         """Thrust without motion, as against a wall that dead reckoning knows elsewhere."""
