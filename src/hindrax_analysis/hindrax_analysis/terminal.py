@@ -24,9 +24,16 @@ NAME_WIDTH = 12
 """Least width of a column of names that wrap."""
 
 
+class _Console(Console):
+    """A console that leaves a closed pipe to the command: rich would end it with exit code 1."""
+
+    def on_broken_pipe(self) -> None:
+        raise  # noqa: PLE0704  # rich calls this while it handles the error
+
+
 def console() -> Console:
     """Console of stdout; off a terminal as wide as what is printed, so that a pipe or a file gets whole lines."""
-    return Console(width=None if sys.stdout.isatty() else UNBOUNDED)
+    return _Console(width=None if sys.stdout.isatty() else UNBOUNDED)
 
 
 def screen_rows() -> int:

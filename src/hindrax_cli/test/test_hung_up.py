@@ -1,8 +1,13 @@
-"""A terminal that is closed while a command arms or flies: the command ends as by Ctrl-C, and what it began with it."""
+"""A terminal that is closed while a command arms or flies: the command ends as by Ctrl-C, and what it began with it.
+
+And a pipe whose reader has read enough.
+"""
 
 import contextlib
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 
@@ -91,3 +96,15 @@ def test_whoever_asked_for_no_hang_up_gets_none() -> None:
     with interrupted_once():
         os.kill(os.getpid(), signal.SIGHUP)
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+
+
+@pytest.mark.parametrize("words", [["papers"], ["allocate", "--wrench", "1", "0", "0", "0", "0", "0"]])
+def test_a_reader_that_has_enough_is_no_failure(words: list[str]) -> None:
+    """`papers | head -2` ended with 1: the library of the tables ends the process with it."""
+    reads, writes = os.pipe()
+    os.close(reads)
+    with os.fdopen(writes, "wb") as pipe:
+        found = subprocess.run(
+            [sys.executable, "-m", "hindrax_cli", *words], stdout=pipe, stderr=subprocess.PIPE, check=False
+        )
+    assert (found.returncode, found.stderr) == (0, b"")
