@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_analysis.identification.known_weight import Hold, LoadSpan, holds_of, weigh
+from hindrax_analysis.identification.known_weight import DIFFERENCE, KNOWN_WITHOUT, Hold, LoadSpan, holds_of, weigh
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError
@@ -73,11 +73,43 @@ def test_a_wrong_weight_scales_the_gain_and_its_doubt_is_in_the_deviation() -> N
         (holds(1.0, 1.0)[:1], "no two loads that differ"),
         ([], "no two loads that differ"),
         ([replace(one, velocity=one.velocity + 0.1) for one in holds(1.0, 1.0)], r"moved at \+0.1"),
+        ([replace(one, thrust=0.02 * one.thrust) for one in holds(1.0, 1.0)], "in neither direction"),
+        ([replace(one, thrust=0.0 * one.thrust) for one in holds(1.0, 1.0)], "in neither direction"),
     ],
 )
 def test_what_is_no_weighing_is_refused(changed: list[Hold], why: str) -> None:
     with pytest.raises(HindraxError, match=why):
         weigh(changed, 0, SURGE)
+
+
+def test_a_gain_that_is_known_better_without_a_weighing_is_refused() -> None:
+    """One of yaw to +- 51 % made the drag of a session uncertain by 45 % in place of 20."""
+    assert weigh(holds(0.95, 0.95), 0, SURGE).refused == ""
+    steady = holds(0.95, 0.95)
+    vague = weigh([replace(one, velocity=one.velocity + np.linspace(-2.0, 2.0, 400)) for one in steady], 0, SURGE)
+    assert vague.gain.sigma > KNOWN_WITHOUT
+    assert "most of it by quality of the hold, and to 4.5% without" in vague.refused
+
+
+def test_holds_that_contradict_each_other_are_refused_and_their_difference_is_no_gain() -> None:
+    """Gains of 1.97 ahead and 0.00 astern, "+- 0.04": the holds counted as if they agreed, and their priors hardly."""
+    first, second, *others = holds(0.95, 0.95)
+    found = weigh([first, replace(second, thrust=0.2 * second.thrust), *others], 0, SURGE)
+    assert "the holds contradict each other by" in found.refused
+    assert found.gain.positive is not None
+    assert found.gain.negative is not None
+    half = 0.5 * (found.gain.positive - found.gain.negative)
+    assert abs(half) < 3.0 * DIFFERENCE
+    assert found.gain.sigma_difference == pytest.approx(DIFFERENCE, rel=0.1), "nothing is known of it but its prior"
+
+
+def test_holds_without_any_noise_have_a_gain() -> None:
+    exact = [
+        Hold(load, 50.0 * index, 50.0, np.full(100, -load / 0.9), np.zeros(100)) for index, load in enumerate(LOADS)
+    ]
+    found = weigh(exact, 5, prior_dynamics(load_vehicle(default_vehicle()))["yaw"])
+    assert found.refused == ""
+    assert (found.gain.positive, found.gain.negative) == pytest.approx((0.9, 0.9), rel=1e-3)
 
 
 def test_holds_are_cut_out_of_a_record_of_events() -> None:

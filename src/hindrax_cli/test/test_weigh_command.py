@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hindrax_analysis.identification.known_weight import Weighing
+from hindrax_analysis.identification.known_weight import Hold, Weighing
 from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.experiment import weigh
@@ -70,6 +70,25 @@ def test_an_input_that_has_ended_is_not_an_operator(monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr(sys, "stdin", nobody)
         with pytest.raises(HindraxError, match="the input has ended, wanted Enter for each step"):
             weigh.entered()
+
+
+def test_a_weighing_that_is_worth_nothing_is_not_kept(
+    vehicle_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, still = vehicle_file.read_text(encoding="utf-8"), np.zeros(100)
+    # Of 15 N it carries all, then half.
+    thrusts = enumerate(((0.0, 0.0), (15.0, -15.0), (-15.0, 15.0), (15.0, -7.0), (-15.0, 8.0)))
+    holds = [Hold(load, 50.0 * index, 50.0, still + thrust, still) for index, (load, thrust) in thrusts]
+    monkeypatch.setattr(weigh, "_holds", lambda *_: holds)
+    words = ["weigh", "surge", "--mock", "--vehicle", str(vehicle_file), "--write"]
+    assert main(words) == 1
+    said = capsys.readouterr()
+    assert "surge: the holds contradict each other by" in " ".join(said.out.split())
+    assert "warning" not in said.err
+    assert main([*words, "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert (document["written"], "check line and pulley" in document["refused"]) == (False, True)
+    assert vehicle_file.read_text(encoding="utf-8") == before
 
 
 def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_place_of_the_first(

@@ -36,6 +36,13 @@ SUPPLY = 0.003
 """Thrust between two charged batteries, or two settings of a supply [-]."""
 ALIGNMENT = 0.0006
 """Load that does not act along the axis: two degrees."""
+KNOWN_WITHOUT = 0.045
+"""Deviation of the gain without a weighing: losses between thrusters and hull 4 %, curves 2 % (ADR 35) [-]."""
+MOST_MISFIT = 20.0
+"""Contradiction of the holds, in standard deviations, from which they are no weighing."""
+PASSES = 3
+EXACT = 1e-5
+"""Least deviation of a hold, of the loads: numbers of a simulator may have none [-]."""
 SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "dead bands")
 
 
@@ -71,6 +78,24 @@ class Weighing:
     contributions: Mapping[str, float]
     drift_per_s: float
     misfit: float
+
+    @property
+    def refused(self) -> str:
+        """Why its gain is worth nothing; empty where it is known better than without a weighing.
+
+        The identification takes a gain for what it says: one of +- 50 % replaced what was known to 4.5 %.
+        """
+        if self.misfit > MOST_MISFIT:
+            return (
+                f"{self.axis}: the holds contradict each other by {self.misfit:.0f} deviations; check line and pulley"
+            )
+        if self.gain.sigma <= KNOWN_WITHOUT:
+            return ""
+        source = max(self.contributions, key=self.contributions.__getitem__)
+        return (
+            f"{self.axis}: the gain is known to +-{self.gain.sigma:.1%}, most of it by {source}, and to "
+            f"{KNOWN_WITHOUT:.1%} without a weighing: weigh with a larger load, for longer, and with the tether slack"
+        )
 
 
 def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[LoadSpan]) -> list[Hold]:
@@ -139,7 +164,7 @@ def weigh(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics, *, load_sig
     Raises
     ------
     HindraxError
-        Where the loads do not differ, or the vehicle did not keep its place.
+        Where the loads do not differ, the vehicle did not keep its place, or its thrust did not carry them.
     """
     name, unit = AXES[axis], "m/s" if axis < 3 else "rad/s"
     for hold in holds:
@@ -153,27 +178,36 @@ def weigh(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics, *, load_sig
         raise HindraxError(f"{name}: found no two loads that differ, wanted holds with the weight and without it")
     # Means of the thrust ahead and of that astern.
     ways = np.array([(np.maximum(hold.thrust, 0.0).mean(), np.minimum(hold.thrust, 0.0).mean()) for hold in holds])
-    sigmas = _deviations(holds, axis, dynamics)
+    sigmas = np.maximum(_deviations(holds, axis, dynamics), EXACT * np.ptp(loads))
     reached = ways[:, 0].max(), -ways[:, 1].min()
     weighed = [reach >= LEAST_SHARE * float(np.abs(loads).max()) for reach in reached]
+    if not any(weighed):
+        raise HindraxError(
+            f"{name}: in neither direction did the thrust carry {LEAST_SHARE:.0%} of the load, so something else did; "
+            "weigh with the tether slack, away from walls and floor"
+        )
     both = np.array([ways.sum(axis=1), ways[:, 0] - ways[:, 1]]).T
     middle_s = np.array([hold.begin_s + 0.5 * hold.long_s for hold in holds])
     # Unknown: the gain, half its difference between both ways, what else pulls, and the drift of the thrust.
     A = np.column_stack([both, np.ones(len(holds)), middle_s * both[:, 0]])
     prior = np.diag([0.0, DIFFERENCE**-2 if all(weighed) else 1e12, 0.0, SAG_per_s**-2])
-    weight = 1.0 / np.sum(sigmas**2, axis=1)
-    solve = np.linalg.inv(A.T * weight @ A + prior)
-    gains = solve @ (A.T * weight)
-    theta = gains @ -loads
-    residual = (-loads - A @ theta) * np.sqrt(weight)
-    misfit = math.sqrt(float(residual @ residual) / max(1, len(holds) - 3))
-    parts = {name: max(1.0, misfit) * float(np.linalg.norm(gains[0] * sigmas[:, k])) for k, name in enumerate(SOURCES)}
+    misfit = 1.0
+    for _ in range(PASSES):
+        # Holds that contradict each other are worth less, also against the priors: then these say more.
+        wide = max(1.0, misfit) * sigmas
+        weight = 1.0 / np.sum(wide**2, axis=1)
+        solve = np.linalg.inv(A.T * weight @ A + prior)
+        gains = solve @ (A.T * weight)
+        theta = gains @ -loads
+        residual = (-loads - A @ theta) / np.sqrt(np.sum(sigmas**2, axis=1))
+        misfit = math.sqrt(float(residual @ residual) / max(1, len(holds) - 3))
+    parts = {name: float(np.linalg.norm(gains[0] * wide[:, k])) for k, name in enumerate(SOURCES)}
     parts |= {"drift of the battery": float(abs(solve[0, 3])) / SAG_per_s}
     parts |= {"weight and lever": load_sigma, "another battery": SUPPLY, "alignment": ALIGNMENT}
     gain = AxisGain(
         load=float(np.abs(loads).max()),
         sigma=math.hypot(*parts.values()),
-        sigma_difference=max(1.0, misfit) * math.sqrt(solve[1, 1]) if all(weighed) else 0.0,
+        sigma_difference=math.sqrt(solve[1, 1]) if all(weighed) else 0.0,
         positive=float(theta[0] + theta[1]) if weighed[0] else None,
         negative=float(theta[0] - theta[1]) if weighed[1] else None,
     )

@@ -69,9 +69,10 @@ def weigh(arguments: argparse.Namespace) -> int:
     vehicle, axis = load_vehicle(arguments.vehicle), AXES.index(arguments.axis)
     holds, prior = _holds(arguments, vehicle, axis), prior_dynamics(vehicle)[arguments.axis]
     found = weighed(holds, axis, prior, load_sigma=_sigma(arguments))
-    kept = _keep(arguments, vehicle, found)
-    document = {"weighing": found, "written": arguments.write}
-    return print_answer(document, lambda: show(found, kept), as_json=arguments.json)
+    kept = found.refused or _keep(arguments, vehicle, found)
+    document = {"weighing": found, "written": arguments.write and not found.refused, "refused": found.refused}
+    print_answer(document, lambda: show(found, kept), as_json=arguments.json)
+    return 1 if found.refused else 0
 
 
 def _sigma(arguments: argparse.Namespace) -> float:
@@ -88,11 +89,10 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
     check_load(vehicle, arguments.axis, arguments.load or 0.0, lever)
     if arguments.mock:
         from hindrax_sim.conditions.world_table import sizes_of  # noqa: PLC0415  # no simulator on the vehicle
-        from hindrax_sim.flights.weighing_flight import MOCK_LOADS, fly_weighing  # noqa: PLC0415  # as above
+        from hindrax_sim.flights.weighing_flight import fly_weighing, mock_load  # noqa: PLC0415  # as above
 
         sizes_of(arguments.world, arguments.seed)
-        load = f"={arguments.load}" if arguments.load else ""
-        world = f"{arguments.world},{MOCK_LOADS[arguments.axis]}{load}"
+        world = f"{arguments.world},{mock_load(arguments.axis, arguments.load)}"
         print_stderr(f"world of the mock: {arguments.world} ({OTHER_WORLD}), seed {arguments.seed}")
         with working(f"holding {arguments.axis} in lock-step against each load"):
             flight = fly_weighing(vehicle, axis, world, arguments.seed, shares)
@@ -220,7 +220,7 @@ def show(found: Weighing, kept: str) -> None:
     print_values(f"Thrust of {found.axis} relative to its curves, losses included", rows)
     budget = sorted(found.contributions.items(), key=lambda one: -one[1])
     print_table("Its uncertainty", ["influence"], ["std [%]"], [(name, f"{100.0 * part:.2f}") for name, part in budget])
-    if found.misfit > 3.0:
+    if found.misfit > 3.0 and not found.refused:
         print_stderr(
             f"warning: the holds contradict each other by {found.misfit:.1f} deviations; check line and pulley"
         )

@@ -30,7 +30,7 @@ from hindrax_core.vehicle import AXES, AxisGain, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
 from hindrax_ident.online.session import Session
 from hindrax_sim.flights.pool_flight import PoolFlight, calibrated, fly
-from hindrax_sim.flights.weighing_flight import MOCK_LOADS, fly_weighing
+from hindrax_sim.flights.weighing_flight import fly_weighing, mock_load
 
 SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
 
@@ -57,14 +57,14 @@ def weigh_in_lockstep(
         Gain with its uncertainty, None without one; the seconds that it takes; why there is none.
     """
     number = AXES.index(axis)
-    flight = fly_weighing(vehicle, number, f"{world},{MOCK_LOADS[axis]}", seed, shares)
+    flight = fly_weighing(vehicle, number, f"{world},{mock_load(axis)}", seed, shares)
     spans = [LoadSpan(*one) for one in flight.spans]
     seconds = 1e-9 * (spans[-1].end - spans[0].begin) if spans else 0.0
     try:
         found = weighed(holds_of(flight.events, number, spans), number, prior_dynamics(vehicle)[axis])
     except HindraxError as error:  # a hold that a guard ended, as beside a pool: the session goes on without this gain
         return None, seconds, str(error)
-    return found.gain, seconds, ""
+    return None if found.refused else found.gain, seconds, found.refused
 
 
 @dataclass(frozen=True, slots=True)

@@ -270,8 +270,11 @@ class StackStepRunner:
         if flight.aborted or not held:
             return None, flight.vehicle_s, f"aborted by {flight.aborted}"
         sigma = (LOAD_SIGMA**2 + ((LEVER_SIGMA_m / lever_m) ** 2 if axis == "yaw" else 0.0)) ** 0.5
-        found = weighed(held, AXES.index(axis), prior_dynamics(self.vehicle)[axis], load_sigma=sigma)
-        return found.gain, flight.vehicle_s, ""
+        try:
+            found = weighed(held, AXES.index(axis), prior_dynamics(self.vehicle)[axis], load_sigma=sigma)
+        except HindraxError as error:  # no weighing, and the day goes on without this gain
+            return None, flight.vehicle_s, str(error)
+        return None if found.refused else found.gain, flight.vehicle_s, found.refused
 
     def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
         """One estimate over all legs, with all gains."""
