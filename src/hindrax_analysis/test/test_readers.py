@@ -68,7 +68,7 @@ def test_rates_may_differ_and_rows_may_be_out_of_order() -> None:
     ("text", "named"),
     [
         ("", "found 0 lines"),
-        ("t,u,X", "found 1 lines"),
+        ("t,u,X", "found 1 line,"),
         ("t,u,Y\n0,1,2", "u and X"),
         ("u,X\n0,1", "wanted t"),
         ("t,u,X\n0,fast,2", "line 2, column u: found 'fast'"),

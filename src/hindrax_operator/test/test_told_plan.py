@@ -50,7 +50,7 @@ def test_a_pool_without_room_is_refused_before_anything_starts(tmp_path: Path, m
 def test_ctrl_c_before_the_flight_leaves_the_name_of_the_run_free(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, armed: bool
 ) -> None:
-    def interrupted(_options: object, flight: FlownManeuver, *_: object) -> None:
+    def interrupted(_options: object, flight: FlownManeuver, *_: object, **_named: object) -> None:
         flight.armed = armed
         raise KeyboardInterrupt
 
@@ -85,7 +85,7 @@ def test_who_waits_for_the_identification_sees_that_it_goes_on(tmp_path: Path, m
     def identified(*_: object, **__: object) -> None:
         raise HindraxError(", ".join(going_on))
 
-    monkeypatch.setattr(pool_run, "fly", lambda *_: FlownManeuver())
+    monkeypatch.setattr(pool_run, "fly", lambda *_, **_named: FlownManeuver())
     monkeypatch.setattr(terminal, "working", working)
     monkeypatch.setattr(bag_identification, "identify_run", identified)
     with pytest.raises(HindraxError, match=r"^flown; but identifying; the record is stored; "):
@@ -99,7 +99,7 @@ def test_results_that_find_no_room_are_reported_with_the_end_of_the_flight_and_h
         raise HindraxError("coefficients.yaml: cannot be written; make room")
 
     monkeypatch.setattr(
-        pool_run, "fly", lambda *_: FlownManeuver(aborted=from_sentence("record: recording waits for room"))
+        pool_run, "fly", lambda *_, **_named: FlownManeuver(aborted=from_sentence("record: recording waits for room"))
     )
     monkeypatch.setattr(bag_identification, "identify_run", full)
     out = tmp_path / "run"
