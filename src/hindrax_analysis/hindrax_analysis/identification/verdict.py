@@ -115,7 +115,6 @@ def _drag(result: MotionResult) -> tuple[str, str, str]:
         return "", "", ""
     speed, (force, std) = float(result.drag.speed[-1]), result.drag.quoted(-1)
     rate, unit = axis_units(MOTIONS[result.motion].axis)
-    unit = unit.replace(" ", "")
     if not (math.isfinite(force) and math.isfinite(std) and std > 0.0):
         return f"{force:.3g} {unit} at {speed:.2g} {rate}", "", ""
     digits = max(0, -last_place(std, 2))
