@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
-Integers: TypeAlias = NDArray[np.int_]
 Index: TypeAlias = NDArray[np.intp]
 LARGEST_PERCENTILE = 98.0
 """Percentile of what counts as the largest: spikes are beyond it."""

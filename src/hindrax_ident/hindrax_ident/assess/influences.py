@@ -17,7 +17,7 @@ import numpy as np
 
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import AXES, AxisGain, Vehicle
-from hindrax_ident.arrays import Array, Integers, array, largest
+from hindrax_ident.arrays import Array, Index, array, largest
 from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
@@ -274,10 +274,10 @@ class AxisFit:
         return np.array(out)
 
     @cached_property
-    def run(self) -> Integers:
+    def run(self) -> Index:
         """Number of the run of each time, where records of several are pooled: (n,), from 0."""
         t = self.fit.problem.grid.times_s
-        return np.cumsum(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S)
+        return np.cumsum(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S, dtype=np.intp)
 
     def each_run(self, columns: Array) -> Array:
         """Columns (n, k) that are unknowns of each run by itself: (n, k r), r the longest MOST_RUNS of all runs."""
