@@ -5,7 +5,7 @@ is the same with and without. Pure, over the events of any record; uncertainty b
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -212,6 +212,26 @@ def weigh(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics, *, load_sig
         negative=float(theta[0] - theta[1]) if weighed[1] else None,
     )
     return Weighing(name, gain, parts, float(theta[3] / theta[0]), misfit)
+
+
+def gain_or_reason(weighing: Callable[[], Weighing]) -> tuple[AxisGain | None, str]:
+    """What a session, which goes on in either case, has of a weighing.
+
+    Parameters
+    ----------
+    weighing
+        Weighs; a HindraxError of it is the reason.
+
+    Returns
+    -------
+    tuple[AxisGain | None, str]
+        The gain, or None and why there is none that is worth anything.
+    """
+    try:
+        found = weighing()
+    except HindraxError as error:
+        return None, str(error)
+    return (None, found.refused) if found.refused else (found.gain, "")
 
 
 def _deviations(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics) -> Array:

@@ -35,10 +35,7 @@ from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.share_files import vehicle_word
 from hindrax_bringup.stack import MockOptions, world_of_pool_test
-from hindrax_cli.commands.experiment.weigh import (
-    check_load,
-    require_tty,
-)
+from hindrax_cli.commands.experiment.weigh import check_load, require_tty
 from hindrax_cli.commands.operate.up_stop import require_known
 from hindrax_cli.commands.pool.session_steps import StackStepRunner
 from hindrax_control.maneuver.goal import PLATEAUS, motions_to_fly

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_analysis.identification.known_weight import LoadSpan, holds_of
+from hindrax_analysis.identification.known_weight import LoadSpan, gain_or_reason, holds_of
 from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.identification.pool_session import (
     LEGS,
@@ -22,7 +22,6 @@ from hindrax_analysis.identification.pool_session import (
 )
 from hindrax_analysis.identification.record_identification import events_apart
 from hindrax_control.prior_dynamics import prior_dynamics
-from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped
 from hindrax_core.signals import IdentEvent
 from hindrax_core.text.digits import TWO_SIDED_95
@@ -60,11 +59,11 @@ def weigh_in_lockstep(
     flight = fly_weighing(vehicle, number, f"{world},{mock_load(axis)}", seed, shares)
     spans = [LoadSpan(*one) for one in flight.spans]
     seconds = 1e-9 * (spans[-1].end - spans[0].begin) if spans else 0.0
-    try:
-        found = weighed(holds_of(flight.events, number, spans), number, prior_dynamics(vehicle)[axis])
-    except HindraxError as error:  # a hold that a guard ended, as beside a pool: the session goes on without this gain
-        return None, seconds, str(error)
-    return None if found.refused else found.gain, seconds, found.refused
+    # A hold that a guard ended is too short to cut out, as beside a pool.
+    gain, reason = gain_or_reason(
+        lambda: weighed(holds_of(flight.events, number, spans), number, prior_dynamics(vehicle)[axis])
+    )
+    return gain, seconds, reason
 
 
 @dataclass(frozen=True, slots=True)

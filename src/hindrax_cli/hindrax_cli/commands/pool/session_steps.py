@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hindrax_analysis.identification.bag_identification import Identified
-from hindrax_analysis.identification.known_weight import Hold
+from hindrax_analysis.identification.known_weight import Hold, gain_or_reason
 from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.identification.pool_session import LEGS, TETHER, PoolSession, Reached, reached_of
 from hindrax_analysis.identification.record_identification import IdentificationTask, identify_sources, open_sources
@@ -270,11 +270,9 @@ class StackStepRunner:
         if flight.aborted or not held:
             return None, flight.vehicle_s, f"aborted by {flight.aborted}"
         sigma = (LOAD_SIGMA**2 + ((LEVER_SIGMA_m / lever_m) ** 2 if axis == "yaw" else 0.0)) ** 0.5
-        try:
-            found = weighed(held, AXES.index(axis), prior_dynamics(self.vehicle)[axis], load_sigma=sigma)
-        except HindraxError as error:  # no weighing, and the day goes on without this gain
-            return None, flight.vehicle_s, str(error)
-        return None if found.refused else found.gain, flight.vehicle_s, found.refused
+        asked = held, AXES.index(axis), prior_dynamics(self.vehicle)[axis]
+        gain, reason = gain_or_reason(partial(weighed, *asked, load_sigma=sigma))
+        return gain, flight.vehicle_s, reason
 
     def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
         """One estimate over all legs, with all gains."""
