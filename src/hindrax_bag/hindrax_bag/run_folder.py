@@ -1,8 +1,9 @@
 """The folder of one run: bag, logs, parameters, vehicle file, coefficients, report."""
 
+import contextlib
 import itertools
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -21,14 +22,22 @@ RUNS = Path("runs")
 class RunFolder:
     """Paths of one run: folders of the bag and of the output of each process, and what else belongs to it."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, made: Sequence[Path] = ()) -> None:
         self.path = path
+        self._made = made
         self.bag, self.logs = path / "bag", path / "logs"
         self.vehicle = path / "vehicle.yaml"
         """Copy of the vehicle file in force."""
         self.parameters = path / "parameters.yaml"
         """ROS parameters of every node."""
         self.coefficients, self.report = path / "coefficients.yaml", path / "report.html"
+
+    def remove(self) -> None:
+        """Remove the folder of a run that never began, and those above it that were made for it and are empty."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        for one in self._made:
+            with contextlib.suppress(OSError):  # another run came into it
+                one.rmdir()
 
 
 def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = FREE_BYTES_WANTED) -> RunFolder:
@@ -46,7 +55,7 @@ def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = 
     Returns
     -------
     RunFolder
-        With a resolved path.
+        With a resolved path; it knows which folders above it are new.
 
     Raises
     ------
@@ -58,7 +67,8 @@ def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = 
     path = Path(wanted) if wanted else new_run(datetime.now(UTC).astimezone())
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise UsageError(f"{path} is occupied; name an empty or new folder with --out")
-    folder = RunFolder(path.resolve())
+    whole = path.resolve()
+    folder = RunFolder(whole, [one for one in whole.parents if not one.exists()])
     with writing(path, "name another folder with --out", UsageError), nothing_left(folder.vehicle):
         path.mkdir(parents=True, exist_ok=True)
         free = shutil.disk_usage(path).free

@@ -55,3 +55,14 @@ def test_nothing_is_left_of_a_run_that_has_no_room(tmp_path: Path, monkeypatch: 
     with pytest.raises(HindraxError, match=r"is full: 0 MB are free|No space left on device"):
         run_folder.make_run_folder(str(tmp_path / "day" / "run"), tmp_path / "vehicle.yaml")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("another", [False, True])
+def test_a_run_that_never_began_takes_the_folders_that_were_made_for_it_along(tmp_path: Path, *, another: bool) -> None:
+    (vehicle := tmp_path / "vehicle.yaml").touch()
+    folder = run_folder.make_run_folder(str(tmp_path / "new" / "runs" / "run"), vehicle)
+    if another:
+        (tmp_path / "new" / "runs" / "other").mkdir()
+    folder.remove()
+    left = {str(one.relative_to(tmp_path)) for one in tmp_path.rglob("*")}
+    assert left == {"vehicle.yaml"} | ({"new", "new/runs", "new/runs/other"} if another else set())

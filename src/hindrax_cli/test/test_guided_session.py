@@ -52,6 +52,15 @@ def test_a_session_refuses_options_of_a_single_flight(
     assert not (tmp_path / "day").exists()
 
 
+def test_a_graph_that_no_stack_can_have_spends_no_steps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "abc")
+    assert main(["pool-test", "--session", str(tmp_path / "day"), "--mock"]) == 2
+    assert "ROS_DOMAIN_ID: found 'abc'" in capsys.readouterr().err
+    assert not (tmp_path / "day").exists()
+
+
 def test_options_of_a_session_need_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["pool-test", "--mock", "--load", "15"]) == 2
     assert "found --load without --session" in capsys.readouterr().err

@@ -80,7 +80,12 @@ def commission_mock(
     up = UpOptions(folder.vehicle, mock, record=True, out=str(folder.path), client="commission in mock", needed=needed)
     report("starting the mock vehicle and the stack")
     with StackProcess(up) as stack:
-        with adopted(environment_beside(stack.entry)):
+        try:
+            entry = stack.entry
+        except HindraxError:  # refused before anything of the run has begun
+            folder.remove()
+            raise
+        with adopted(environment_beside(entry)):
             from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
 
             def tick() -> None:

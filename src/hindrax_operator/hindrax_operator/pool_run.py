@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import signal
 import sys
 import time
@@ -148,7 +147,11 @@ def run_pool_test(options: PoolOptions) -> int:
     plan = planned(slowed(vehicle) if proof.slow else vehicle, options)
     mock = options.mock is not None
     folder = make_run_folder(options.out, options.vehicle_file)
-    BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
+    try:
+        BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
+    except HindraxError:
+        folder.remove()
+        raise
     with Progress(headless=options.headless) as progress:
         progress.report(f"{vehicle.name} {servable}")
         progress.report(proof.text)
@@ -314,7 +317,7 @@ def fly(
         try:
             entry = stack.entry
         except HindraxError:  # refused before anything of the run has begun
-            shutil.rmtree(folder.path, ignore_errors=True)
+            folder.remove()
             raise
         with adopted(environment_beside(entry)):
             _operate(options, flight, stack, progress, act or _fly_motions, arm=arm)
@@ -329,7 +332,7 @@ def _nothing_kept(flight: FlownManeuver, folder: RunFolder) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         if not flight.armed:
-            shutil.rmtree(folder.path, ignore_errors=True)
+            folder.remove()
         raise
 
 

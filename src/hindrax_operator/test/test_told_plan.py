@@ -10,15 +10,18 @@ import pytest
 
 from hindrax_analysis import terminal
 from hindrax_analysis.identification import bag_identification
+from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import StackLock
 from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.refusals import from_sentence
 from hindrax_core.vehicle import Pool, load_vehicle
-from hindrax_operator import pool_run
+from hindrax_operator import commissioning_run, pool_run
+from hindrax_operator.commissioning_run import commission_mock
 from hindrax_operator.pool_run import ABORT, FlownManeuver, PoolOptions, planned, run_pool_test
 
 OPTIONS = PoolOptions(("surge", "yaw"), default_vehicle(), None, None, 1, "plateaus", "hold", ABORT, True, False)
@@ -72,6 +75,44 @@ def test_ctrl_c_before_the_flight_leaves_the_name_of_the_run_free(
     with pytest.raises(KeyboardInterrupt):
         run_pool_test(replace(OPTIONS, out=str(out)))
     assert out.exists() == armed
+
+
+class RefusedStack:
+    """Ends before it begins."""
+
+    def __init__(self, _options: object) -> None: ...
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    @property
+    def entry(self) -> StackLock:
+        """Never made."""
+        raise UsageError("ROS_DOMAIN_ID: found 'abc'")
+
+
+def test_nothing_is_left_of_a_run_that_was_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pool_run, "StackProcess", RefusedStack)
+    monkeypatch.setattr(commissioning_run, "StackProcess", RefusedStack)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match="abc"):
+        run_pool_test(OPTIONS)
+    with pytest.raises(UsageError, match="abc"):
+        commission_mock(default_vehicle(), MockOptions(), None, lambda _: None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_left_of_a_run_whose_record_has_no_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise HindraxError("the disk is full")
+
+    monkeypatch.setattr(BagLimits, "check_space", full)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(HindraxError, match="full"):
+        run_pool_test(OPTIONS)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_who_waits_for_the_identification_sees_that_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

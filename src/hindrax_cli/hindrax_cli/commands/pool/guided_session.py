@@ -34,7 +34,7 @@ from hindrax_analysis.next_step import quoted_share
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.share_files import vehicle_word
-from hindrax_bringup.stack import MockOptions, world_of_pool_test
+from hindrax_bringup.stack import MockOptions, environment, world_of_pool_test
 from hindrax_cli.commands.experiment.weigh import check_load, require_tty
 from hindrax_cli.commands.operate.up_stop import require_known
 from hindrax_cli.commands.pool.session_steps import StackStepRunner
@@ -76,13 +76,14 @@ def guide(arguments: argparse.Namespace) -> int:
 
 
 def check_options(arguments: argparse.Namespace) -> None:
-    """UsageError names options that a session has no use for, and a folder that is named twice."""
+    """UsageError names what would fail every step: an option without use, a folder named twice, an impossible graph."""
     found = [f"--{name}" for name in OF_OTHER_FLIGHTS if getattr(arguments, name) not in (None, [], "", False)]
     found += [f"--excitation {arguments.excitation}"] if arguments.excitation != PLATEAUS else []
     if found:
         raise UsageError(f"--session: found {', '.join(found)}, which it has no use for: it plans its own legs")
     if arguments.session and arguments.out:
         raise UsageError(f"--out {arguments.out}: --session {arguments.session} names the folder already")
+    environment(mock=arguments.mock, domain=None)
 
 
 def guided(
