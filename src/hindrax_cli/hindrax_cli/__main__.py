@@ -2,8 +2,13 @@
 
 import os
 import sys
+from collections.abc import Callable
 
-from hindrax_cli import interrupt
+try:
+    from hindrax_cli import interrupt
+except KeyboardInterrupt:  # nothing catches it yet
+    os.write(2, b"hindrax: stopped by Ctrl-C\n")
+    os._exit(130)
 
 
 def main() -> int:
@@ -11,11 +16,7 @@ def main() -> int:
     _open_standard_streams()
     interrupt.listen()
     _use_one_thread_for_algebra()
-    from hindrax_bringup.ros_graph import without_missing_rmw  # noqa: PLC0415  # takes a tenth of a second
-    from hindrax_cli.command_line import main as run  # noqa: PLC0415  # as above
-
-    without_missing_rmw(os.environ)
-    return run()
+    return _whole(_run, "`./hindrax setup` completes the environment")
 
 
 def without_ros() -> int:
@@ -23,9 +24,46 @@ def without_ros() -> int:
     _open_standard_streams()
     interrupt.listen()
     _use_one_thread_for_algebra()
+    return _whole(_run_without_ros, "install hindrax again, with what it needs (`pip install --force-reinstall`)")
+
+
+def _run() -> int:
+    from hindrax_bringup.ros_graph import without_missing_rmw  # noqa: PLC0415  # takes a tenth of a second
+    from hindrax_cli.command_line import main as run  # noqa: PLC0415  # as above
+
+    without_missing_rmw(os.environ)
+    return run()
+
+
+def _run_without_ros() -> int:
     from hindrax_cli.command_line import main as run  # noqa: PLC0415  # as above
 
     return run()
+
+
+def _whole(run: Callable[[], int], remedy: str) -> int:
+    """Run the tool; a package of Python that cannot be imported is one sentence. The tool cannot say it: it needs some.
+
+    Parameters
+    ----------
+    run
+        Returns an exit code.
+    remedy
+        What completes this installation.
+
+    Returns
+    -------
+    int
+        Of the tool; 1 where it could not run.
+    """
+    try:
+        return run()
+    except ImportError as error:
+        why = str(error).strip().partition("\n")[0]
+        path = os.environ.get("PYTHONPATH", "")
+        other = f"PYTHONPATH is {path}: `unset PYTHONPATH`; if that does not help, " if path else ""
+        sys.stderr.write(f"hindrax: cannot be imported: {why}; {other}{remedy}\n")
+        return 1
 
 
 def _open_standard_streams() -> None:

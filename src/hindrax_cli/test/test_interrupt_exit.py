@@ -52,6 +52,13 @@ def test_one_that_waits_since_python_started_ends_the_tool() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "", PRINTED)
 
 
+def test_one_while_what_catches_it_is_imported_ends_the_tool() -> None:
+    find = "lambda self, name, *_: os.kill(os.getpid(), 2) if name == 'signal' else None"
+    finder = f"type('Finder', (), {{'find_spec': {find}}})()"
+    early = f"import os, sys\nsys.modules.pop('signal', None)\nsys.meta_path.insert(0, {finder})\n"
+    assert run(f"{early}from hindrax_cli.__main__ import without_ros\nprint('goes on')") == (130, PRINTED)
+
+
 def test_one_in_an_import_ends_the_tool() -> None:
     assert run(f"{BEFORE}ring()") == (130, PRINTED)
 
