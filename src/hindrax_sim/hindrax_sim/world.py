@@ -6,17 +6,20 @@ from dataclasses import dataclass, field
 
 from hindrax_core.events import NS_PER_S, Stamp, seconds_between, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
-from hindrax_core.readings import Quaternion, Vec3
+from hindrax_core.readings import Quaternion, Vec3, Vec6
 from hindrax_core.rotation import minus
 from hindrax_core.vehicle import WITHIN, Mount, Vehicle
 from hindrax_sim.conditions.world_table import realize
 from hindrax_sim.physics.geometry import euler, plus, quaternion, rotate, rotate_back, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
-from hindrax_sim.physics.plant import LONGEST_STEP_S, Plant
+from hindrax_sim.physics.plant import LONGEST_STEP_S, Influence, Plant
 from hindrax_sim.physics.pool import PoolWalls
 from hindrax_sim.physics.thruster import thruster_A
 
 GUST_PERIOD_S = 0.1
+NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+ARMS_m = 0.05
+"""So much deeper than afloat, hands that hold a vehicle pull with twice what it weighs in the water."""
 GRAZING_rad = math.radians(45.0)
 """Of a wall that a beam meets at more than this angle to its normal, no echo comes back."""
 DRIFT_mps = 0.01
@@ -62,6 +65,38 @@ class Mounting:
         return vector if self.turn is None else rotate(self.turn, vector)
 
 
+def carried(vehicle: Vehicle) -> tuple[Influence, ...]:
+    """Hands that hold a vehicle that sinks where it would be afloat, until a thruster turns; none for one that floats.
+
+    Nobody lets go of such a vehicle and prepares the flight while it lies on the floor, where a sonar is too near.
+
+    Parameters
+    ----------
+    vehicle
+        As it is.
+
+    Returns
+    -------
+    tuple[Influence, ...]
+        For the plant: a force at the center of mass, upward.
+    """
+    if vehicle.net_buoyancy_N >= 0.0:
+        return ()
+    afloat_z, down = 0.5 * vehicle.envelope_m[2] + vehicle.center_of_mass_m[2], (0.0, 0.0, 1.0)
+    held = True
+
+    def carry(plant: Plant, _dt: float) -> Vec6:
+        nonlocal held
+        held = held and not any(plant.targets_N)
+        if not held:
+            return NO_WRENCH
+        force_N = vehicle.net_buoyancy_N * (1.0 + max(0.0, plant.z - afloat_z) / ARMS_m)
+        x, y, z = rotate_back(plant.quaternion, down)
+        return (force_N * x, force_N * y, force_N * z, 0.0, 0.0, 0.0)
+
+    return (carry,)
+
+
 class World:
     """Vehicle, pool and time. `advance` brings it to a stamp exactly, so all truths of one stamp belong together."""
 
@@ -72,7 +107,7 @@ class World:
         self.truth = realize(vehicle, self.conditions.sizes, seed)
         self.vehicle = vehicle = self.truth.vehicle
         """The true vehicle, which the vehicle file does not know."""
-        self.plant = plant(vehicle, self.truth.influences, self.truth.thrust_losses)
+        self.plant = plant(vehicle, (*self.truth.influences, *carried(vehicle)), self.truth.thrust_losses)
         self.box = PoolWalls(vehicle)
         self.stamp = Stamp(0)
         self.dvl_silenced = False

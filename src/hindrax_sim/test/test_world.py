@@ -38,6 +38,19 @@ def test_it_starts_afloat_in_the_middle_and_stays() -> None:
     assert (world.box.wall_hits, world.box.floor_hits) == (0, 0)
 
 
+@pytest.mark.parametrize(("pulse_us", "sinks"), [(1500.0, False), (1600.0, True)])
+def test_one_that_sinks_is_held_afloat_until_a_thruster_turns(pulse_us: float, *, sinks: bool) -> None:
+    heavy = replace(VEHICLE, mass_kg=VEHICLE.mass_kg + 0.3)
+    world = World(heavy, conditions=Conditions(sizes={"current": 0.02}))
+    world.settle(stamp_from_s(10.0))
+    assert world.depth_m == pytest.approx(0.2, abs=0.01)
+    world.drive([pulse_us, *STOP[1:]])
+    world.advance(stamp_from_s(11.0))
+    world.drive(STOP)
+    world.advance(stamp_from_s(41.0))
+    assert (world.depth_m > 0.5) is sinks
+
+
 def test_time_is_met_exactly_and_never_runs_back() -> None:
     world = World(VEHICLE, conditions=CALM)
     world.advance(Stamp(1_234_567_891))
@@ -73,6 +86,9 @@ def test_walls_stop_it_and_are_counted_once(pulses: list[int], coordinate: str, 
 
 def test_the_floor_stops_it_too() -> None:
     world = under_water(World(replace(VEHICLE, mass_kg=16.0), conditions=CALM))
+    world.drive([1600.0] * 8)
+    world.advance(stamp_from_s(0.01))
+    world.drive(STOP)
     world.advance(stamp_from_s(20.0))
     assert world.vehicle.pool.depth_m - world.depth_m == pytest.approx(0.2, abs=1e-3)
     assert world.box.floor_hits == 1
