@@ -357,16 +357,19 @@ def test_a_host_clock_set_back_is_followed() -> None:
     assert stamp_from_s(499.9) < one.stamp < stamp_from_s(500.0)
 
 
+UNSURE = ", wanted 50 %; nothing there, or nearer than it can see?"
+
+
 @pytest.mark.parametrize(
     ("frame", "reason"),
     [
-        (distance(2, percent=49), "distance: confidence"),
+        (distance(2, percent=49), f"distance: confidence 49 %{UNSURE}"),
         (distance(2, percent=101), "distance: range"),
         (distance(2, mm=0), "distance: range"),
         (distance(2, mm=5001), "distance: range"),
         (distance(2, mm=0xFFFFFFFF), "distance: range"),
         (encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 140_001, 100)), "distance: range"),
-        (encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 1000, 10)), "distance: confidence"),
+        (encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 1000, 10)), f"distance: confidence 10 %{UNSURE}"),
         (encode(protocol.PROFILE, struct.pack("<IHHIIIIH", 2000, 100, 50, 2, 0, 5000, 2, 9)), "profile: count"),
         (distance(2)[:-1] + b"\x00", "frame: checksum"),
     ],

@@ -35,6 +35,7 @@ class NodeDiagnostics:
     """Measurement that does not come while others do; empty when all do."""
     withheld: str = ""
     """Reason why an operator has it publish nothing; empty when he has not."""
+    _reported_rejects: int = 0
 
     def reading(self, stamp: Stamp) -> None:
         """Count a valid reading."""
@@ -72,7 +73,7 @@ class NodeDiagnostics:
         rate = self.readings / elapsed if elapsed > 0.0 else 0.0
         age = seconds_between(self.last_reading, now) if self.last_reading is not None else float("inf")
         level, message = self._verdict(age, stale_s)
-        self.readings, self.last_report = 0, now
+        self.readings, self.last_report, self._reported_rejects = 0, now, self.rejects.total()
         values = {
             "identity": self.identity,
             "rate [Hz]": f"{rate:.1f}",
@@ -85,6 +86,11 @@ class NodeDiagnostics:
         }
         return status(name, level, message, values, hardware=self.hardware)
 
+    @property
+    def _rejecting(self) -> bool:
+        """Whether something was rejected since the last report."""
+        return self.rejects.total() > self._reported_rejects
+
     def _verdict(self, age: float, stale_s: float) -> tuple[bytes, str]:
         if self.withheld:
             return DiagnosticStatus.WARN, self.withheld
@@ -92,7 +98,8 @@ class NodeDiagnostics:
             return DiagnosticStatus.ERROR, self.trouble or "has not answered yet"
         if age > stale_s:
             since = f"for {age:.1f} s" if self.last_reading is not None else "since it answered"
-            return DiagnosticStatus.ERROR, f"no reading {since}; {self.trouble or 'line is silent'}"
+            told = f"all are rejected, the last: {self.last_reject}" if self._rejecting else "line is silent"
+            return DiagnosticStatus.ERROR, f"no reading {since}; {self.trouble or told}"
         if self.missing or self.alarm:
             return DiagnosticStatus.ERROR, self.missing or self.alarm
         return DiagnosticStatus.OK, self.note or "measuring"

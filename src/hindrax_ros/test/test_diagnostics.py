@@ -31,3 +31,11 @@ def test_a_device_that_answered_and_has_measured_nothing_yet_has_no_age() -> Non
     assert health.report("hindrax: depth", Stamp(4), 1.0).message == "no reading since it answered; line is silent"
     health.reading(Stamp(4))
     assert health.report("hindrax: depth", Stamp(3 * 10**9 + 4), 1.0).message.startswith("no reading for 3.0 s; ")
+
+
+def test_a_line_on_which_all_is_rejected_is_not_called_silent_before_it_is() -> None:
+    health = NodeDiagnostics(identity="Ping1D")
+    health.reject(Rejected(Stamp(1), reject(RejectCode.CONFIDENCE, found="confidence 0 %")))
+    told = health.report("hindrax: ping", Stamp(4), 1.0).message
+    assert told == "no reading since it answered; all are rejected, the last: confidence 0 %"
+    assert health.report("hindrax: ping", Stamp(5), 1.0).message.endswith("; line is silent")

@@ -20,7 +20,7 @@ from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.hydrostatics import Water
 from hindrax_core.readings import DeviceText, Echo, EchoProfile, SonarHealth
-from hindrax_core.rejects import RejectCode, reject
+from hindrax_core.rejects import Reject, RejectCode, reject
 from hindrax_drivers.devices.ping1d_settings import (
     DEFAULT_KNOBS,
     FRESH_WATER,
@@ -215,7 +215,7 @@ class Ping1d:
         distance_mm, percent = protocol.simple(frame)
         refused = self._refusal(distance_mm, percent)
         if refused:
-            return [Rejected(stamp, reject(refused, "distance"), frame.payload)]
+            return [Rejected(stamp, refused, frame.payload)]
         self._fresh = stamp
         at = self._echo_stamp(stamp, self._age_s(frame, distance_mm))
         return [Stamped(at, Echo(distance_mm * 0.001, percent * 0.01))]
@@ -237,7 +237,7 @@ class Ping1d:
         reach_mm = message.start_mm + message.length_mm
         refused = self._refusal(message.distance_mm, message.confidence, reach_mm)
         if refused:
-            return [*outputs, Rejected(stamp, reject(refused, "distance"), frame.payload)]
+            return [*outputs, Rejected(stamp, refused, frame.payload)]
         at = self._echo_stamp(stamp, self._age_s(frame, 2 * reach_mm - message.distance_mm))
         return [*outputs, *(Stamped(at, reading) for reading in self._readings(message))]
 
@@ -250,11 +250,15 @@ class Ping1d:
         scan = (message.start_mm * 0.001, message.length_mm * 0.001)
         return [echo, EchoProfile(range_m, confidence, message.ping_number, *scan, message.gain, message.strength)]
 
-    def _refusal(self, distance_mm: int, percent: int, reach_mm: int = FARTHEST_mm) -> RejectCode | None:
+    def _refusal(self, distance_mm: int, percent: int, reach_mm: int = FARTHEST_mm) -> Reject | None:
         """Why a distance is refused; None when it is not."""
         if percent > 100 or not 0 < distance_mm <= reach_mm <= FARTHEST_mm:
-            return RejectCode.RANGE
-        return RejectCode.CONFIDENCE if percent * 0.01 < self._knobs.min_confidence else None
+            return reject(RejectCode.RANGE, "distance")
+        least = self._knobs.min_confidence
+        if percent * 0.01 >= least:
+            return None
+        found = f"confidence {percent} %, wanted {100.0 * least:.0f} %; nothing there, or nearer than it can see?"
+        return reject(RejectCode.CONFIDENCE, "distance", found=found)
 
     def _age_s(self, frame: PingFrame, path_mm: int) -> float:
         """Age of an echo when the last byte of its message arrives; `path_mm`: path of the sound after the echo."""
