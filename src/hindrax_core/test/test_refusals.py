@@ -11,11 +11,15 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.input_checks import untimely_goal
 from hindrax_core.text.refusals import (
     CANCELLED,
+    LEFT_ARMED,
     NOTHING,
     REMEDIES,
     SENTENCES,
+    TAKEN_OVER,
+    FarEnd,
     Reason,
     Refusal,
+    far_end,
     found,
     from_sentence,
     received,
@@ -99,3 +103,16 @@ def test_the_sentence_of_an_older_record_names_its_reason(sentence: str, reason:
 )
 def test_a_code_counts_more_than_the_sentence_and_an_unknown_one_less(code: int, reason: Reason) -> None:
     assert received(code, "battery: 11 V").reason is reason
+
+
+@pytest.mark.parametrize(
+    ("state", "aborted", "whose"),
+    [
+        ("the autopilot has fallen silent", "", FarEnd.DISARMED),
+        (f"the autopilot has fallen silent; {LEFT_ARMED}", "", FarEnd.LEFT_ARMED),
+        ("disarmed by request", f"disarmed: (another party, or a failsafe, {TAKEN_OVER}: ALT_HOLD)", FarEnd.TAKEN_OVER),
+        (f"cannot connect; {LEFT_ARMED}", f"disarmed: another party {TAKEN_OVER}", FarEnd.TAKEN_OVER),
+    ],
+)
+def test_who_has_the_vehicle_after_a_flight_is_a_code(state: str, aborted: str, whose: FarEnd) -> None:
+    assert far_end(state, aborted) is whose

@@ -28,7 +28,7 @@ from hindrax_control.commissioning.record import slow_sentence, slowed, unproven
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import INTERRUPTED, HindraxError
-from hindrax_core.text.refusals import LEFT_ARMED, NOTHING, STOPPED, TAKEN_OVER, Reason, Refusal
+from hindrax_core.text.refusals import NOTHING, STOPPED, FarEnd, Reason, Refusal, far_end
 from hindrax_core.text.screen_text import fitted, print_fitted, print_stderr, screen_width
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
@@ -46,6 +46,12 @@ REPEATED = "seed: repeats the world and the noise, not the timing of processes; 
 STEADY_S = 20.0
 STATE_NODES = ("navigator", "estimator_health")
 """Nodes whose troubles at a start mostly end by themselves, and the time given to them."""
+ENDED: Mapping[FarEnd, str] = {
+    FarEnd.DISARMED: "disarmed",
+    FarEnd.LEFT_ARMED: "disarmed; the autopilot does not say so: disarm it at a ground station",
+    FarEnd.TAKEN_OVER: "disarmed here; whoever has taken over has the vehicle, which may be armed: disarm it there",
+}
+"""Who has an autopilot at the far end when a flight has ended."""
 ABORT, CONTINUE = "abort", "continue"
 FLY_S = 3600.0
 ARMING_S = 60.0
@@ -390,7 +396,7 @@ def _operate(
             flight.vehicle_s = (operator.now() - begin) / 1e9
         progress.end_view()
         reason = operator.thrusters.reason if operator.thrusters is not None else ""
-        progress.report(end_of_flight(reason, flight.aborted))
+        progress.report(ENDED[far_end(reason, flight.aborted)])
 
 
 def _say_plans_of_the_pilot(options: PoolOptions, operator: Operator, progress: Progress) -> None:
@@ -409,15 +415,6 @@ def _fly_motions(options: PoolOptions, operator: OperatorLink, progress: Progres
     if reached:
         progress.report(f"experiment: {reached}")
     return aborted
-
-
-def end_of_flight(reason: str, aborted: str = "") -> str:
-    """Who has an autopilot at the far end now, by the reason of the state of the thrusters and that of the end."""
-    if TAKEN_OVER in aborted:
-        return "disarmed here; whoever has taken over has the vehicle, which may be armed: disarm it there"
-    return (
-        "disarmed; the autopilot does not say so: disarm it at a ground station" if LEFT_ARMED in reason else "disarmed"
-    )
 
 
 @contextlib.contextmanager

@@ -8,12 +8,10 @@ from typing import Any
 import pytest
 
 from hindrax_core.errors import HindraxError
-from hindrax_core.text.refusals import LEFT_ARMED
 from hindrax_operator.pool_run import (
     ABORT,
     CONTINUE,
     await_steady_state,
-    end_of_flight,
     report_devices,
     require_measurements,
     state_before_arming,
@@ -75,16 +73,6 @@ def test_without_a_measurement_that_every_maneuver_needs_nothing_is_armed() -> N
     with pytest.raises(HindraxError) as refused:
         require_measurements({"pilot": f"battery: 12.4 V; {age}"})
     assert str(refused.value) == f"not armed: {age}"
-
-
-def test_an_autopilot_that_is_left_armed_is_told_of_at_the_end() -> None:
-    assert end_of_flight("the autopilot has fallen silent") == "disarmed"
-    assert end_of_flight(f"the autopilot has fallen silent; {LEFT_ARMED}").endswith("disarm it at a ground station")
-
-
-def test_a_vehicle_that_a_pilot_has_now_is_not_called_disarmed() -> None:
-    taken = "disarmed: the thrusters were disarmed (another party, or a failsafe, has taken over: ALT_HOLD); arm again"
-    assert end_of_flight("disarmed by request", taken).endswith("may be armed: disarm it there")
 
 
 def test_a_thruster_that_is_left_out_in_flight_is_told_of_at_once_and_once() -> None:

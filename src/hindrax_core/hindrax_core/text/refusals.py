@@ -6,7 +6,7 @@ are the `aborted_by` of JSON: neither is ever given to another reason.
 """
 
 from collections.abc import Mapping, Sequence
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 from hindrax_core.text.coded import Coded
 
@@ -126,12 +126,27 @@ AIDING = "check the aids of the autopilot's estimator, a DVL or GPS and its comp
 """What to do instead about a velocity that only the autopilot has."""
 
 
+class FarEnd(StrEnum):
+    """What is known of an autopilot whose output is disarmed here."""
+
+    DISARMED = "disarmed"
+    LEFT_ARMED = "left_armed"
+    TAKEN_OVER = "taken_over"
+
+
 LEFT_ARMED = "the autopilot may still be armed, and is disarmed from here when it answers"
 """Behind the reason of an output that is disarmed here, but not there."""
 TAKEN_OVER = "has taken over"
 """Part of the reason of an output whose vehicle somebody else has now."""
 STILL_ARMED = f"; {LEFT_ARMED}"
 """The same as it stands there, true for as long as the state of the thrusters has it: no end of a flight repeats it."""
+
+
+def far_end(state: str, aborted: str) -> FarEnd:
+    """The code of what two sentences say, which a message carries without it: why it is disarmed, why it ended."""
+    if TAKEN_OVER in aborted:
+        return FarEnd.TAKEN_OVER
+    return FarEnd.LEFT_ARMED if LEFT_ARMED in state else FarEnd.DISARMED
 
 
 SENTENCES: Mapping[Reason, str] = {
