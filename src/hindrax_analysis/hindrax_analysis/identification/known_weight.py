@@ -30,6 +30,8 @@ DEAD_BAND = 0.015
 """Standard deviation of a thrust near the dead bands, of the largest [-]."""
 DIFFERENCE = 0.02
 """Prior standard deviation of half the difference of the gain between both ways [-]."""
+SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
+"""Of the load, which hang one after the other: twice each way, the second time with an emptier battery."""
 SAG_per_s = 0.1 / 900.0
 """Prior standard deviation of the thrust's drift: that of the budget's row."""
 SUPPLY = 0.003

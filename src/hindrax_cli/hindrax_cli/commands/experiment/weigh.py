@@ -10,7 +10,7 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from hindrax_analysis.identification.known_weight import Hold, LoadSpan, Weighing, holds_of
+from hindrax_analysis.identification.known_weight import SHARES, Hold, LoadSpan, Weighing, holds_of
 from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.terminal import print_answer, print_table, print_values, working
 from hindrax_bringup.stack import OTHER_WORLD, WORLD_HELP
@@ -32,7 +32,6 @@ ACTS = {
     "heave": ("the weight hangs under its middle", "a float of this lift is tied to the middle of its top"),
     "yaw": ("a line over a pulley pulls the bow to starboard", "a line over a pulley pulls the bow to port"),
 }
-SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
 LEVER_SIGMA_m = 0.002
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_analysis.identification.known_weight import LoadSpan, gain_or_reason, holds_of
+from hindrax_analysis.identification.known_weight import SHARES, LoadSpan, gain_or_reason, holds_of
 from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.identification.pool_session import (
     LEGS,
@@ -30,8 +30,6 @@ from hindrax_ident.assess.results import Results
 from hindrax_ident.online.session import Session
 from hindrax_sim.flights.pool_flight import PoolFlight, calibrated, fly
 from hindrax_sim.flights.weighing_flight import fly_weighing, mock_load
-
-SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
 
 
 def weigh_in_lockstep(

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hindrax_analysis.identification.bag_identification import Identified
-from hindrax_analysis.identification.known_weight import Hold, gain_or_reason
+from hindrax_analysis.identification.known_weight import SHARES, Hold, gain_or_reason
 from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.identification.pool_session import LEGS, TETHER, PoolSession, Reached, reached_of
 from hindrax_analysis.identification.record_identification import IdentificationTask, identify_sources, open_sources
@@ -21,7 +21,6 @@ from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.stack import MockOptions
 from hindrax_cli.commands.experiment.weigh import (
-    SHARES,
     LEVER_SIGMA_m,
     ask_for_load,
     entered,
