@@ -41,7 +41,8 @@ from hindrax_ident.tuning import Tuning
 
 DEADBAND_SIGMA = 0.5
 """Standard deviation of the share of thrust missing inside a dead band that no file describes [-]."""
-BETWEEN_RUNS_S = 900.0
+OWN_CONDITIONS_S = 900.0
+"""After a longer pause a run has unknowns of its own: water, trim and battery are those of another hour."""
 MOST_RUNS = 8
 """Runs of a pooled record that have unknowns of their own, at most: their number is that of the explanations."""
 FOUND_DELAY_S = 0.1
@@ -277,7 +278,7 @@ class AxisFit:
     def run(self) -> Index:
         """Number of the run of each time, where records of several are pooled: (n,), from 0."""
         t = self.fit.problem.grid.times_s
-        return np.cumsum(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S, dtype=np.intp)
+        return np.cumsum(np.diff(t, prepend=t[:1]) > OWN_CONDITIONS_S, dtype=np.intp)
 
     def each_run(self, columns: Array) -> Array:
         """Columns (n, k) that are unknowns of each run by itself: (n, k r), r the longest MOST_RUNS of all runs."""

@@ -36,8 +36,8 @@ HELD_OUT_SHARE = 0.25
 STILL = Series(EMPTY, EMPTY)
 MOST_HELD_OUT = 0.51
 """Share of the time that the last of several runs may have; two runs are seldom of one length."""
-BETWEEN_RUNS_S = 300.0
-"""A longer pause divides runs."""
+HELD_OUT_PAUSE_S = 300.0
+"""A longer pause divides runs, of which the last is held out."""
 
 CONTRADICTED = (
     Code.NOT_CONVERGED,
@@ -197,7 +197,7 @@ def held_out(stretches: tuple[Stretch, ...], moved: Series = STILL) -> tuple[tup
         The first part and the part that is held out.
     """
     total = sum(one.end_s - one.start_s for one in stretches)
-    runs = [at for at in range(1, len(stretches)) if stretches[at].start_s - stretches[at - 1].end_s > BETWEEN_RUNS_S]
+    runs = [at for at in range(1, len(stretches)) if stretches[at].start_s - stretches[at - 1].end_s > HELD_OUT_PAUSE_S]
     if runs and sum(one.end_s - one.start_s for one in stretches[runs[-1] :]) <= MOST_HELD_OUT * total:
         return stretches[: runs[-1]], stretches[runs[-1] :]
     cut_s = _cut_s(stretches, moved)
