@@ -414,7 +414,7 @@ def _identify_recordings(
             traces.update(seen)
         return outcomes
 
-    found = dict(zip(flown, with_found_masses(vehicle, fit_all)[0], strict=True))
+    found = dict(zip(flown, with_found_masses(vehicle, fit_all), strict=True))
     for axis, usable in usable_on.items():
         if usable:
             outcome = found[axis]

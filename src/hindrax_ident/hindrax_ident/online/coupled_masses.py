@@ -29,9 +29,7 @@ FoundMasses: TypeAlias = Mapping[int, tuple[float, float]]
 """Axis -> its total mass and the standard deviation of it [kg, kg m^2]."""
 
 
-def with_found_masses(
-    vehicle: Vehicle, fit_all: Callable[[FoundMasses], Sequence[Outcome]]
-) -> tuple[Sequence[Outcome], FoundMasses]:
+def with_found_masses(vehicle: Vehicle, fit_all: Callable[[FoundMasses], Sequence[Outcome]]) -> Sequence[Outcome]:
     """Fit the axes of a record, each by itself, and again with each other's masses where they move together.
 
     Parameters
@@ -43,12 +41,12 @@ def with_found_masses(
 
     Returns
     -------
-    tuple[Sequence[Outcome], FoundMasses]
-        Of the last fit, and the masses that it was given: none where the first one was good enough.
+    Sequence[Outcome]
+        Of the last fit, which is the first where the axes hardly moved together.
     """
     outcomes, masses = fit_all({}), dict[int, tuple[float, float]]()
     if not any(coupling(one.record) > LEAST_COUPLING for one in _assessed(outcomes).values()):
-        return outcomes, masses
+        return outcomes
     for _ in range(MOST_PASSES):
         found = _found(vehicle, _assessed(outcomes))
         if found.keys() == masses.keys() and all(
@@ -56,7 +54,7 @@ def with_found_masses(
         ):
             break
         masses, outcomes = found, fit_all(found)
-    return outcomes, masses
+    return outcomes
 
 
 def _assessed(outcomes: Sequence[Outcome]) -> dict[int, Assessment]:

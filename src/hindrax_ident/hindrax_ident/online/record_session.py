@@ -49,7 +49,7 @@ class RecordSession:
 
     def finalize(self) -> Mapping[str, MotionResult]:
         """Verdicts on the motions of the axes that were pushed; the measurements still waiting are left out."""
-        outcomes, _ = with_found_masses(
+        outcomes = with_found_masses(
             self._vehicle, lambda masses: [session.finalize(found_masses=masses) for session in self.pushed]
         )
         return {name: one for outcome in outcomes for name, one in outcome.results.motions.items()}
