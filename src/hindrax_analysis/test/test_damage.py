@@ -112,6 +112,19 @@ def test_outliers_that_stand_alone_may_be_many(share: float) -> None:
     assert found[~wild].sum() <= 2
 
 
+@pytest.mark.parametrize("period_s", [1.0, 1.6])
+def test_a_short_swing_of_an_axis_that_mostly_rests_is_no_spike(period_s: float) -> None:
+    """A surge record lost 36 of its yaw rates: the vehicle swung twice, and rested else."""
+    swings = sum(
+        np.where(T >= begin, np.exp(-(T - begin) / 3.0) * np.sin(2.0 * np.pi * (T - begin) / period_s), 0.0)
+        for begin in (20.0, 55.0)
+    )
+    rate = array(swings + NOISE_mps * np.random.default_rng(5).standard_normal(len(T)))
+    assert without_damage(recorded(moving(), rate)).assumptions == ()
+    rate[150:152] = 0.6
+    assert np.flatnonzero(np.isnan(without_damage(recorded(moving(), rate)).velocity[:, 1])).tolist() == [150, 151]
+
+
 @pytest.mark.parametrize("samples", [2, 3])
 def test_many_short_pulses_are_the_motion(samples: int) -> None:
     pulses = np.where(np.arange(len(T)) % 20 < samples, 0.5, 0.0)

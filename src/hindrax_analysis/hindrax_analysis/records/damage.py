@@ -25,6 +25,9 @@ JUMP = 0.2
 HALF_WINDOW = 3
 OUTLIER_SIGMAS, OUTLIER_SPAN = 6.0, 0.25
 """Least distance of an outlier from the running median: deviations of the noise, and share of the span of 90 %."""
+STEEP, ABRUPT, STEPS_BESIDE = 3.0, 0.5, 6
+"""Least step to and from outliers: in the usual step of the samples on either side, so many of them, and in the least
+distance of an outlier. A vehicle that swings reaches its peak by steps like those before and after it."""
 MOST_OUTLIERS, MOST_ALONE, MOST_BESIDE = 0.05, 0.2, 0.4
 """Share of outliers above which they are the signal; of those that stand alone, as no motion does; and the share with
 another next to it up to which they do."""
@@ -150,17 +153,47 @@ def _longest_by_chance(v: Array) -> float:
 
 
 def _outliers(v: Array) -> Flags:
-    """Samples (n,) far from the median of their neighbors (Hampel); none where they are many."""
+    """Samples (n,) far from the median of their neighbors (Hampel), by a leap and back; none where they are many."""
     if len(v) <= 2 * HALF_WINDOW + 1:
         return np.zeros(len(v), dtype=bool)
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(v, HALF_WINDOW, mode="reflect"), 2 * HALF_WINDOW + 1)
     off = np.abs(v - np.median(windows, axis=1))
     low, high = np.quantile(v, (0.05, 0.95))
     limit = max(OUTLIER_SIGMAS * 1.4826 * float(np.median(off)), OUTLIER_SPAN * float(high - low))
-    found: Flags = off > limit
-    beside = found & (np.append(found[1:], False) | np.append(False, found[:-1]))
-    most = MOST_ALONE if beside.sum() <= MOST_BESIDE * found.sum() else MOST_OUTLIERS
+    found = _abrupt(v, off > limit, ABRUPT * limit)
+    most = MOST_ALONE if _stand_alone(found) else MOST_OUTLIERS
     return found if limit > 0.0 and found.mean() <= most else np.zeros(len(v), dtype=bool)
+
+
+def _beside(found: Flags) -> Flags:
+    """Those of the samples (n,) that have another next to them."""
+    beside: Flags = found & (np.append(found[1:], False) | np.append(False, found[:-1]))
+    return beside
+
+
+def _stand_alone(found: Flags) -> bool:
+    """Whether most of the samples (n,) have no other next to them."""
+    return bool(_beside(found).sum() <= MOST_BESIDE * found.sum())
+
+
+def _abrupt(v: Array, far: Flags, least: float) -> Flags:
+    """Those of the samples (n,) far from the median that are reached and left by a leap: of no motion.
+
+    An axis that mostly rests has a median near zero, and all of a short swing is far from it.
+    """
+    ends = np.flatnonzero(np.diff(np.concatenate(([0], far.astype(int), [0]))))
+    runs = list(zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True))
+    # Those that stand alone say nothing of the motion beside others; where most do, nor does the rest.
+    apart = far if _stand_alone(far) else far & ~_beside(far)
+    kept = np.flatnonzero(~apart)
+    steps = np.abs(np.diff(np.interp(np.arange(len(v)), kept, v[kept])))
+    found = np.zeros(len(v), dtype=bool)
+    for first, end in runs:
+        leaps = [abs(v[i] - v[j]) for i, j in ((first, first - 1), (end - 1, end)) if 0 <= j < len(v)]
+        beside = [steps[max(0, first - 1 - STEPS_BESIDE) : max(0, first - 1)], steps[end : end + STEPS_BESIDE]]
+        usual = max((float(np.median(one)) for one in beside if len(one)), default=0.0)
+        found[first:end] = min(leaps) > max(least, STEEP * usual)
+    return found
 
 
 def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:
