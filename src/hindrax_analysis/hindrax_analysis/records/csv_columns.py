@@ -76,7 +76,7 @@ UNITS: dict[str, dict[str, float]] = {
 """SI factor of each unit that a column may have."""
 
 _ALONG = (
-    ("speed velocity vel", {"u": "surge", "v": "sway", "w": "heave"}),
+    ("speed velocity vel sog ground_speed groundspeed", {"u": "surge", "v": "sway", "w": "heave"}),
     ("force thrust", {"X": "surge", "Y": "sway", "Z": "heave"}),
     ("rate angular_velocity", {"p": "roll", "q": "pitch", "r": "yaw"}),
     ("torque moment", {"K": "roll", "M": "pitch", "N": "yaw"}),
@@ -202,7 +202,8 @@ def near_miss(header: str) -> str:
         columns = AXES_OF.get(_words(text), {})
         if columns:
             names = " or ".join(f"{column}{suffix} for {moved}" for column, moved in columns.items())
-            return f"{header} names no axis: call it {names}"
+            signed = ", if it has the sign of the motion" if set(columns) <= set("uvw") else ""
+            return f"{header} names no axis: call it {names}{signed}"
     name = _name(before) if before else None
     return f"{header}: the unit {unit!r} is none of {', '.join(UNITS[name])}" if name and not _name(header) else ""
 

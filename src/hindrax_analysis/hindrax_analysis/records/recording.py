@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hindrax_analysis.records.unsigned_speed import is_unsigned
 from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped, stamp_from_s
@@ -226,6 +227,14 @@ def _reasons_to_skip(recording: Recording, axis: int) -> Iterator[Objection]:
         yield objection(Code.CONSTANT_THRUST, axis=AXES[axis], where=_axes_that_change(recording.wrench))
     if float(np.ptp(speeds)) <= rounding(recording.velocity, axis):
         yield objection(Code.CONSTANT_VELOCITY, axis=AXES[axis], where=_axes_that_change(recording.velocity))
+    moved, commanded = np.isfinite(recording.velocity[:, axis]), np.isfinite(recording.wrench[:, axis])
+    if moved.any() and is_unsigned(
+        recording.velocity_t[moved],
+        recording.velocity[moved, axis],
+        recording.wrench_t[commanded],
+        recording.wrench[commanded, axis],
+    ):
+        yield objection(Code.UNSIGNED_VELOCITY, axis=AXES[axis])
 
 
 def _axes_that_change(table: Array) -> str:

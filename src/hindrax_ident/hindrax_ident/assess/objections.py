@@ -28,6 +28,7 @@ class Code(StrEnum):
     LATE_THRUST = "late_thrust"
     CONSTANT_THRUST = "constant_thrust"
     CONSTANT_VELOCITY = "constant_velocity"
+    UNSIGNED_VELOCITY = "unsigned_velocity"
     NO_FIT = "no_fit"
     UNUSABLE = "unusable"
     """What the reader or the fit itself said of the record."""
@@ -90,6 +91,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.CONSTANT_THRUST: "the thrust on {axis} never changes{where}: nothing was excited",
     Code.CONSTANT_VELOCITY: "the velocity of {axis} never changes{where}: it was not measured, or the vehicle did not "
     "move",
+    Code.UNSIGNED_VELOCITY: "the velocity of {axis} is never below zero, and grows while the thrust pushes backward: it "
+    "is a speed without a sign; record the velocity along the axis, or give the speed the sign of the motion",
     Code.NO_FIT: "no coefficients explain this motion by this force: check axes, signs and times of both",
     Code.UNUSABLE: "{why}",
     Code.NOT_CONVERGED: "the fit did not converge",
