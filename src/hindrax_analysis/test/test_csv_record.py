@@ -147,8 +147,7 @@ def test_what_means_nothing_is_left_alone(header: str) -> None:
 @pytest.mark.parametrize(
     ("header", "remedy"),
     [
-        ("t,speed_kn,X", "speed_kn names no axis: call it u_kn for surge or v_kn for sway or w_kn for heave, if "
-         "it has the sign of the motion"),
+        ("t,speed_kn,X", "call it u_kn for surge or v_kn for sway or w_kn for heave, if it has the sign of the motion"),
         ("t,u,Thrust", "Thrust names no axis: call it X for surge"),
         ("t,u_furlongs,X", "u_furlongs: the unit 'furlongs' is none of m/s, cm/s"),
     ],

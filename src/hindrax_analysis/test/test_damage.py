@@ -116,7 +116,7 @@ def test_outliers_that_stand_alone_may_be_many(share: float) -> None:
 def test_a_short_swing_of_an_axis_that_mostly_rests_is_no_spike(period_s: float) -> None:
     """A surge record lost 36 of its yaw rates: the vehicle swung twice, and rested else."""
     swings = sum(
-        np.where(T >= begin, np.exp(-(T - begin) / 3.0) * np.sin(2.0 * np.pi * (T - begin) / period_s), 0.0)
+        np.where(begin <= T, np.exp(-(T - begin) / 3.0) * np.sin(2.0 * np.pi * (T - begin) / period_s), 0.0)
         for begin in (20.0, 55.0)
     )
     rate = array(swings + NOISE_mps * np.random.default_rng(5).standard_normal(len(T)))

@@ -418,7 +418,7 @@ def _identify_recordings(
     for axis, usable in usable_on.items():
         if usable:
             outcome = found[axis]
-            against = plausibility.wrong_thrust_sign(usable, axis)
+            against = plausibility.not_driven(usable, axis)
             for name, one in outcome.results.motions.items():
                 motions[name] = plausibility.with_plausibility_check(one, vehicle, against)
             assessments |= outcome.assessments

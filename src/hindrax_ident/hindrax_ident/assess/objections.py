@@ -57,6 +57,7 @@ class Code(StrEnum):
 
     # ---- numbers that no vehicle has
     AGAINST_THRUST = "against_thrust"
+    BRAKED_BY_THRUST = "braked_by_thrust"
     IMPLAUSIBLE_SPEED = "implausible_speed"
     IMPLAUSIBLE_MASS = "implausible_mass"
     IMPLAUSIBLE_DRAG = "implausible_drag"
@@ -122,6 +123,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.FEW_FREQUENCIES: "its thrust has {found:.1f} frequencies, wanted {wanted:.0f}: fly steps, or a chirp",
     Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust",
     Code.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench, and the axes of both",
+    Code.BRAKED_BY_THRUST: "its thrust brakes the motion, as of a controller that holds it: other forces move it; push on "
+    "it on purpose, or check the sign of the wrench",
     Code.IMPLAUSIBLE_SPEED: f"speeds of up to {{speed:.3g}} {{unit}}: {_UNITS}",
     Code.IMPLAUSIBLE_MASS: f"the added mass is {{times:.0f}} times the body's own: {_UNITS}",
     Code.IMPLAUSIBLE_DRAG: f"the drag coefficient is {{found:.2g}}, wanted {{low:g}} to {{high:g}}: {_UNITS}",
