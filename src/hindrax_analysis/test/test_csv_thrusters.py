@@ -45,6 +45,9 @@ def wrench(vehicle: Vehicle, pulses: Sequence[float], supply_V: float | None = N
         ("RCOU.C4", 4, "", 1.0),
         ("thruster_2_N", 2, "N", 1.0),
         ("thruster_2_force_N", 2, "N", 1.0),
+        ("T3", 3, "", 1.0),
+        ("cmd_4 [N]", 4, "N", 1.0),
+        ("thruster5_rpm", 5, "rpm", 1.0),
         ("thruster3_thrust [kgf]", 3, "N", 9.80665),
         ("SERVO_OUTPUT_RAW.servo4_raw", 4, "", 1.0),
         ("thrust 5 (kgf)", 5, "N", 9.80665),
@@ -69,6 +72,22 @@ def test_other_columns_are_no_outputs(header: str) -> None:
 def test_a_supply_is_known(header: str) -> None:
     assert is_supply(header)
     assert not is_supply("velocity")
+
+
+def test_what_is_called_a_thrust_and_is_a_share_or_a_pulse_is_no_force(heavy: Vehicle) -> None:
+    """Shares of full throttle in columns thrust0 ... became newtons: fifty times too little thrust, without a word."""
+    names = ["t", "u", *(f"thrust{n}" for n in range(8))]
+    forces = read(names, [(0.0, 0.1, *([5.0] * 8)), (1.0, 0.2, *([-0.5] * 8))], heavy).wrench
+    assert forces[1] == pytest.approx(-0.1 * forces[0])
+    pulses = read(names, [(0.0, 0.1, *PULSES), (1.0, 0.2, *([1500.0] * 8))], heavy).wrench
+    assert pulses[0] == pytest.approx(wrench(heavy, PULSES))
+    with pytest.raises(HindraxError, match=r"holds -0.5 to 0.9, no pulses .* thruster1_N .* thruster1_ratio"):
+        read(names, [(0.0, 0.1, *([0.9] * 8)), (1.0, 0.2, *([-0.5] * 8))], heavy)
+
+
+def test_speeds_of_rotation_are_refused_with_the_law_of_the_thrust(heavy: Vehicle) -> None:
+    with pytest.raises(HindraxError, match=r"rpm, wanted forces or pulses; write thruster1_N = k n \|n\|"):
+        read(["t", "u", *(f"rpm_{n + 1}" for n in range(8))], [(0.0, 0.1, *([900.0] * 8))], heavy)
 
 
 @pytest.mark.parametrize("first", [0, 1])

@@ -6,8 +6,9 @@ where no column is a force of the vehicle, at the voltage of a column such as `s
 file.
 """
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,17 +16,21 @@ import numpy as np
 
 from hindrax_analysis.records.csv_columns import UNITS, plain_unit
 from hindrax_analysis.records.thruster_values import FORCES, PULSES, THROTTLES, ThrusterValues, wrenches_of_thrusters
+from hindrax_control.allocation.thrust_curve import SERVO_US
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, Flags, array
 
 OUTPUTS = "pwm1 ..."
 MEANING = "pulses of the outputs [us], instead of forces; also thrust1_N, throttle1; with supply_V, where measured"
+SPEEDS, FORCES_BY_NAME = "rpm", "N by name"
+"""Units that no wrench follows from at once: a speed of rotation, and what is called a force without a unit."""
 _WORDS = {
     **dict.fromkeys(("pwm", "pulse", "pulses", "servo", "rcou", "rc_out", "channel", "channels", "ch", "c"), ""),
-    **dict.fromkeys(("thruster", "motor", "esc", "output", "outputs"), ""),
-    **dict.fromkeys(("thrust", "force"), FORCES),
+    **dict.fromkeys(("thruster", "motor", "esc", "output", "outputs", "t", "u", "cmd", "command", "input"), ""),
+    **dict.fromkeys(("thrust", "force"), FORCES_BY_NAME),
     "throttle": THROTTLES,
+    "rpm": SPEEDS,
 }
 """Words in use before the number, and the unit where none is named; empty: by the size of the numbers."""
 _UNITS = {
@@ -34,6 +39,7 @@ _UNITS = {
     **{name: (FORCES, factor) for name, factor in UNITS["X"].items()},
     "ratio": (THROTTLES, 1.0),
     "%": (THROTTLES, 0.01),
+    "rpm": (SPEEDS, 1.0),
 }
 _OUTPUT = re.compile(
     r"(?:.*[^0-9a-z])?"  # path of a message, as PlotJuggler writes it
@@ -66,7 +72,7 @@ def output_of(header: str) -> OutputColumn | None:
     found = _OUTPUT.fullmatch(header.strip().lower())
     if not found:
         return None
-    after = FORCES if found["force"] else THROTTLES if found["throttle"] else _WORDS[found["word"]]
+    after = FORCES_BY_NAME if found["force"] else THROTTLES if found["throttle"] else _WORDS[found["word"]]
     column = OutputColumn(int(found["number"]), after, 1.0)
     if not found["unit"]:
         return column
@@ -106,6 +112,9 @@ class Outputs:
         UsageError
             Without a vehicle with thrusters, without a channel of one of them, and for numbers that are of none.
         """
+        if self.unit == SPEEDS:
+            sheet = "write thruster1_N = k n |n| of each speed n, with k of the thruster's data sheet"
+            raise UsageError(f"{self.source}: holds speeds of the thrusters in rpm, wanted forces or pulses; {sheet}")
         if vehicle is None or not vehicle.thrusters:
             remedy = "name a vehicle file with thrusters and curves by --vehicle"
             raise UsageError(f"{self.source}: holds values of single thrusters, wanted a wrench; {remedy}")
@@ -164,7 +173,17 @@ def outputs_of(
         listed = ", ".join(f"{one.number} in {one.unit or 'a unit by size'}" for one in columns.values())
         raise UsageError(f"{source}: outputs are {listed}; wanted one column each, all in one unit")
     by_number = {one.number: array(one.factor * numbers[index]) for index, one in columns.items()}
-    return Outputs(source, units.pop(), by_number, supply_V)
+    unit = units.pop()
+    if unit == FORCES_BY_NAME:
+        unit = _by_size(by_number.values())
+    return Outputs(source, unit, by_number, supply_V)
+
+
+def _by_size(values: Collection[Array]) -> str:
+    """Unit of what is called a force: newtons, or none where shares of full throttle and pulses look so."""
+    sizes = np.abs(np.concatenate([one[np.isfinite(one)] for one in values]))
+    shares, pulses = sizes.max(initial=0.0) <= 1.0, sizes.min(initial=math.inf) >= SERVO_US[0]
+    return "" if len(sizes) and (shares or pulses) else FORCES
 
 
 def output_columns(header: Sequence[str]) -> dict[int, OutputColumn]:
