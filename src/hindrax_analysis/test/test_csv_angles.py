@@ -8,6 +8,7 @@ import pytest
 
 from hindrax_analysis.records.csv_record import read_records
 from hindrax_analysis.records.recording import Recording
+from hindrax_core.vehicle import Vehicle
 
 T = np.arange(0.0, 30.0, 0.1)
 YAW = 3.0 + 0.6 * np.sin(T / 4.0)
@@ -15,10 +16,10 @@ RATE = 0.15 * np.cos(T / 4.0)
 DEG = 180.0 / math.pi
 
 
-def read(header: str, *columns: object) -> Recording:
-    rows = zip(T, *columns, 4.0 * np.sin(T), strict=True)  # type: ignore[call-overload]  # any columns
+def read(header: str, *columns: object, moment: object = 4.0 * np.sin(T), vehicle: Vehicle | None = None) -> Recording:
+    rows = zip(T, *columns, moment, strict=True)  # type: ignore[call-overload]  # any columns
     lines = [",".join(f"{cell:.6f}" for cell in row) for row in rows]
-    (one,) = read_records("\n".join([f"time,{header},N", *lines]), "x.csv")
+    (one,) = read_records("\n".join([f"time,{header},N", *lines]), "x.csv", vehicle=vehicle)
     return one
 
 
@@ -65,6 +66,20 @@ def test_turns_in_radians_that_are_counted_on_are_no_degrees() -> None:
     spun = 0.5 * T
     found = read("yaw,r [rad/s],u", spun, 0.5 + 0.2 * np.cos(T), 0.1 * np.sin(T))
     assert not any("deg" in one for one in found.assumptions)
+
+
+@pytest.mark.parametrize("unit", [1.0, DEG])
+def test_the_inertia_tells_whether_turns_are_counted_on_in_radians(unit: float) -> None:
+    """Three turns in radians were taken for 20 degrees: a drag of yaw 200 times too large was identified."""
+    box = Vehicle("box", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4), inertia_kgm2=(0.7, 0.9, 1.0))
+    moment = 3.0 * np.sign(np.sin(T)) + 0.8
+    rate = np.zeros(len(T))
+    for i in range(1, len(T)):
+        rate[i] = rate[i - 1] + 0.1 / 1.8 * (moment[i - 1] - rate[i - 1])
+    yaw = np.cumsum(0.1 * rate)
+    assert yaw.max() > 2.5 * math.tau
+    found = read("yaw,r", unit * yaw, unit * rate, moment=moment, vehicle=box)
+    assert found.velocity[:, 5] == pytest.approx(rate, abs=1e-5)
 
 
 def test_a_named_unit_is_believed() -> None:

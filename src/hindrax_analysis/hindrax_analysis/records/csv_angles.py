@@ -3,10 +3,12 @@
 A ground station writes headings of 0 to 360 and rates in degrees per second, without a word. Rates that are taken for
 rad/s are 57 times too large, which is still a possible rate of a small vehicle. But the integral of a rate is an angle:
 the slope of one over the other is 1 where both units are alike, and tells which is not. A compass counts clockwise
-whatever the axes of the rates are, so only the size of the slope says something of units.
+whatever the axes of the rates are, so only the size of the slope says something of units. Where both are alike, an
+angle of 20 may be of a ship that has hardly turned, or of one that has turned three times and counted on: the inertia
+that the moments of the file had to turn tells, for in degrees it would be 57 times as large.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -18,9 +20,15 @@ ANGLES = {"roll": "p", "pitch": "q", "yaw": "r"}
 """Angles, and the rate about each axis: alike as long as the vehicle is nearly level."""
 TURN = 6.5
 """An angle beyond this is none in radians [rad]: a turn, and a little."""
+INERTIAS = (0.2, 11.0)
+"""Inertia with the water in that of the vehicle alone [-]: a range of less than a radian in degrees."""
+IMPULSE_S, FEWEST_KNOWN, LEAST_EXPLAINED = 0.5, 50, 0.5
+"""Windows of the impulses, and least number of rows and share of the impulses that tell."""
 
 
-def in_radians(columns: Mapping[str, Array], unnamed: Collection[str]) -> tuple[dict[str, Array], tuple[str, ...]]:
+def in_radians(
+    columns: Mapping[str, Array], unnamed: Collection[str], inertia_kgm2: Sequence[float] = ()
+) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Columns with all angles and rates in radians.
 
     Parameters
@@ -29,6 +37,8 @@ def in_radians(columns: Mapping[str, Array], unnamed: Collection[str]) -> tuple[
         By name, (n,) each, with the times "t" [s]; those with a named unit in SI.
     unnamed
         Names of the columns without a named unit.
+    inertia_kgm2 : (3,) [kg m^2]
+        Moments of inertia of the vehicle alone; empty: not known.
 
     Returns
     -------
@@ -45,7 +55,7 @@ def in_radians(columns: Mapping[str, Array], unnamed: Collection[str]) -> tuple[
     slope = float(np.median(slopes)) if slopes else 0.0
     large = any(np.nanmax(np.abs(out[one]), initial=0.0) > TURN for one in angles)
     # Unwrapped, a yaw in radians is large after some turns; a rate that is known says so.
-    turned = large and 0.5 < slope < 2.0 and not rates
+    turned = large and 0.5 < slope < 2.0 and (not rates or _inertia_in_radians(out, inertia_kgm2))
     if angles and (slope > 0.5 / DEGREE or (large and not turned)):
         out |= {one: array(out[one] * DEGREE) for one in angles}
         notes.append(f"angles ({', '.join(angles)}) are in degrees, by their {'size' if large else 'rates'}")
@@ -54,6 +64,38 @@ def in_radians(columns: Mapping[str, Array], unnamed: Collection[str]) -> tuple[
         out |= {one: array(out[one] * DEGREE) for one in rates}
         notes.append(f"rates ({', '.join(rates)}) are in deg/s, by the angles")
     return out, tuple(notes)
+
+
+def _inertia_in_radians(columns: Mapping[str, Array], inertia_kgm2: Sequence[float]) -> bool:
+    """Whether the moments turn a vehicle of this inertia with its water, where the rates are in rad/s."""
+    found = [
+        (*_inertia(columns["t"], columns[rate], columns[moment]), own)
+        for own, rate, moment in zip(inertia_kgm2, "pqr", "KMN", strict=bool(inertia_kgm2))
+        if {rate, moment} <= set(columns)
+    ]
+    explained, total, own = max(found, default=(0.0, 0.0, 1.0))
+    low, high = INERTIAS
+    return explained > LEAST_EXPLAINED and low < total / own < high
+
+
+def _inertia(t: Array, rate: Array, moment: Array) -> tuple[float, float]:
+    """Share of the impulses (n,) of a moment that inertia and drag explain, and the inertia, in the unit of the rate."""
+    known = np.flatnonzero(np.isfinite(rate + moment))
+    if len(known) < FEWEST_KNOWN or np.ptp(moment[known]) == 0.0:
+        return 0.0, 0.0
+    t, rate, moment = t[known], rate[known], moment[known]
+    at = np.arange(t[0], t[-1], IMPULSE_S)
+    steps = np.diff(t)
+
+    def over(values: Array) -> Array:
+        """Integral over each window; a moment holds until the next."""
+        return np.diff(np.interp(at, t, np.append(0.0, np.cumsum(steps * values[:-1]))))
+
+    columns = np.column_stack([np.diff(np.interp(at, t, rate)), over(rate), over(rate * np.abs(rate)), np.diff(at)])
+    impulses = over(moment)
+    solved = np.linalg.lstsq(columns, impulses)[0]
+    left = impulses - columns @ solved
+    return 1.0 - float(np.var(left) / max(1e-300, np.var(impulses))), float(solved[0])
 
 
 def _unwrapped(angle: Array) -> Array:

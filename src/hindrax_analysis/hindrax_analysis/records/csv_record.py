@@ -108,13 +108,15 @@ def read_records(
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
     unnamed = {meaning.name for meaning in meanings.values() if not meaning.has_unit}
     columns["t"] = _over_midnight(columns["t"])
-    columns, by_angles = in_radians(columns, unnamed)
-    frame, columns, axes = _axes(columns, frame)
     forces_are = REAL_FORCES
     if outputs:
         forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
+        columns |= zip(FORCES, forces.T, strict=True)
+    columns, by_angles = in_radians(columns, unnamed, vehicle.inertia if vehicle else ())
+    frame, columns, axes = _axes(columns, frame)
+    if outputs and frame == "flu":
         # The whole record is turned below, and these are in SNAME axes already.
-        columns |= zip(FORCES, (forces * HALF_TURN if frame == "flu" else forces).T, strict=True)
+        columns |= {name: array(sign * columns[name]) for name, sign in zip(FORCES, HALF_TURN.tolist(), strict=True)}
     tables = [{name: values[piece] for name, values in columns.items()} for piece in _pieces(columns["t"])]
     spread = [_spread(one, source) for one in tables]
     coarse = COARSE_CLOCK if any(one is not other for one, other in zip(spread, tables, strict=True)) else ""
