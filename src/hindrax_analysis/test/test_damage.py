@@ -73,6 +73,20 @@ def test_a_rest_before_the_first_thrust_is_no_damage() -> None:
     assert without_damage(rest).assumptions == ()
 
 
+def test_a_rest_in_the_last_digit_is_no_lost_lock() -> None:
+    """Velocities in steps of 1 cm/s of an axis that was held: 151 of its zeros were left out."""
+    still = array(0.01 * np.round(np.random.default_rng(5).normal(0.0, 0.4, len(T))))
+    assert without_damage(recorded(moving(), still)).assumptions == ()
+
+
+def test_a_rest_under_the_thrust_that_holds_it_is_no_lost_lock() -> None:
+    """A vehicle that floats is held down by a constant thrust, and rests."""
+    moves = (T > 20.0) & (T < 50.0)
+    rest = recorded(array(0.01 * np.round(np.where(moves, 40.0 * np.sin(np.pi * (T - 20.0) / 15.0), 0.0))))
+    rest.wrench[:, 0] = np.where(moves, PUSH_N, 0.0) + 6.0
+    assert not any("lock" in one for one in without_damage(rest).assumptions)
+
+
 def test_an_axis_that_was_never_measured_is_not_damaged() -> None:
     assert without_damage(recorded(moving(), array(np.zeros(len(T))))).assumptions == ()
 

@@ -22,6 +22,8 @@ CHANCE_OF_EQUAL = 1e-6
 """Probability below which equal values in a row are no coincidence of a coarse resolution."""
 JUMP = 0.2
 """Least step at an end of a stretch of zeros, and least thrust during one, relative to the largest of the record."""
+FEWEST_DIGITS = 2.5
+"""Least step at an end of a stretch of zeros, in the resolution of the record: at rest its last digit changes."""
 HALF_WINDOW = 3
 OUTLIER_SIGMAS, OUTLIER_SPAN = 6.0, 0.25
 """Least distance of an outlier from the running median: deviations of the noise, and share of the span of 90 %."""
@@ -92,7 +94,9 @@ def _damage(t: Array, v: Array, force: Array) -> list[tuple[str, Flags]]:
     stretches = list(_equal_values(t, v))
     size, most = float(np.quantile(np.abs(v), 0.95)), float(np.nanmax(np.abs(force), initial=0.0))
     found: list[tuple[str, Flags]] = []
-    zeros = [one for one in stretches if v[one.start] == 0.0 and _is_lost(one, v, force, size, most)]
+    holding_N = float(np.nanmedian(force)) if np.isfinite(force).any() else 0.0
+    jump = max(JUMP * size, FEWEST_DIGITS * _resolution(v))
+    zeros = [one for one in stretches if v[one.start] == 0.0 and _is_lost(one, v, force - holding_N, jump, most)]
     if zeros:
         where = _left(zeros, t)
         found.append((f"of exactly 0 in motion are of a sensor without lock: {where}", _samples(zeros, len(v))))
@@ -134,11 +138,17 @@ def _equal_values(t: Array, v: Array) -> Iterator[slice]:
             yield slice(first, end)
 
 
-def _is_lost(stretch: slice, v: Array, force: Array, size: float, most: float) -> bool:
-    """Whether zeros begin or end with a jump, or last under thrust: a vehicle in water does neither."""
+def _resolution(v: Array) -> float:
+    """Least difference between two values of (n,): the last digit of a coarse record."""
+    steps = np.diff(np.unique(v))
+    return float(np.quantile(steps, 0.1)) if len(steps) else 0.0
+
+
+def _is_lost(stretch: slice, v: Array, force: Array, jump: float, most: float) -> bool:
+    """Whether zeros begin or end with a jump, or last under more thrust than usual: a vehicle in water does neither."""
     beside = [v[i] for i in (stretch.start - 1, stretch.stop) if 0 <= i < len(v)]
     pushed = np.nanmedian(np.abs(np.append(force[stretch], 0.0))) if most > 0.0 else 0.0
-    return any(abs(value) > JUMP * size for value in beside) or float(pushed) > JUMP * most
+    return any(abs(value) > jump for value in beside) or float(pushed) > JUMP * most
 
 
 def _longest_by_chance(v: Array) -> float:
