@@ -79,7 +79,7 @@ def _inertia_in_radians(columns: Mapping[str, Array], inertia_kgm2: Sequence[flo
 
 
 def _inertia(t: Array, rate: Array, moment: Array) -> tuple[float, float]:
-    """Share of the impulses (n,) of a moment that inertia and drag explain, and the inertia, in the unit of the rate."""
+    """Share of the impulses of a moment that inertia and drag explain, and the inertia, by the unit of the rate."""
     known = np.flatnonzero(np.isfinite(rate + moment))
     if len(known) < FEWEST_KNOWN or np.ptp(moment[known]) == 0.0:
         return 0.0, 0.0
@@ -88,7 +88,7 @@ def _inertia(t: Array, rate: Array, moment: Array) -> tuple[float, float]:
     steps = np.diff(t)
 
     def over(values: Array) -> Array:
-        """Integral over each window; a moment holds until the next."""
+        """Integral over each window, (k,); a moment holds until the next."""
         return np.diff(np.interp(at, t, np.append(0.0, np.cumsum(steps * values[:-1]))))
 
     columns = np.column_stack([np.diff(np.interp(at, t, rate)), over(rate), over(rate * np.abs(rate)), np.diff(at)])

@@ -92,8 +92,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.CONSTANT_THRUST: "the thrust on {axis} never changes{where}: nothing was excited",
     Code.CONSTANT_VELOCITY: "the velocity of {axis} never changes{where}: it was not measured, or the vehicle did not "
     "move",
-    Code.UNSIGNED_VELOCITY: "the velocity of {axis} is never below zero, and grows while the thrust pushes backward: it "
-    "is a speed without a sign; record the velocity along the axis, or give the speed the sign of the motion",
+    Code.UNSIGNED_VELOCITY: "the velocity of {axis} is never below zero, and grows while the thrust pushes backward: "
+    "it is a speed without a sign; record the velocity along the axis, or give the speed the sign of the motion",
     Code.NO_FIT: "no coefficients explain this motion by this force: check axes, signs and times of both",
     Code.UNUSABLE: "{why}",
     Code.NOT_CONVERGED: "the fit did not converge",
@@ -123,8 +123,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.FEW_FREQUENCIES: "its thrust has {found:.1f} frequencies, wanted {wanted:.0f}: fly steps, or a chirp",
     Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust",
     Code.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench, and the axes of both",
-    Code.BRAKED_BY_THRUST: "its thrust brakes the motion, as of a controller that holds it: other forces move it; push on "
-    "it on purpose, or check the sign of the wrench",
+    Code.BRAKED_BY_THRUST: "its thrust brakes the motion, as of a controller that holds it: other forces move it; "
+    "push on it on purpose, or check the sign of the wrench",
     Code.IMPLAUSIBLE_SPEED: f"speeds of up to {{speed:.3g}} {{unit}}: {_UNITS}",
     Code.IMPLAUSIBLE_MASS: f"the added mass is {{times:.0f}} times the body's own: {_UNITS}",
     Code.IMPLAUSIBLE_DRAG: f"the drag coefficient is {{found:.2g}}, wanted {{low:g}} to {{high:g}}: {_UNITS}",
