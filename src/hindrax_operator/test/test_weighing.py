@@ -8,7 +8,6 @@ import pytest
 
 from hindrax_analysis.identification.known_weight import weigh
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after, stamp_from_s
 from hindrax_core.vehicle import load_vehicle
@@ -77,7 +76,7 @@ def test_it_holds_every_axis_asks_for_each_load_and_measures_when_it_hangs(held:
     assert [one.load for one in holds] == list(LOADS)
     assert all(len(one.thrust) == pytest.approx(10.0 * HOLD_S, abs=2) for one in holds)
     assert holds[1].begin_s > SETTLE_S + HOLD_S
-    found = weigh(holds, 0, prior_dynamics(VEHICLE)["surge"]).gain
+    found = weigh(holds, 0, VEHICLE).gain
     assert found.positive == pytest.approx(GAIN, abs=1e-3)
     assert [line for line in reported if "keep away" in line]
 

@@ -24,7 +24,7 @@ REJECTED = "*"
 """Mark of a motion that is not identifiable, in the tables and before its reasons."""
 SESSION, WEIGHING = "--session", "weigh the thrust, in the guided session of a pool day"
 SIMULATOR, POOL = "--simulator", "pool"
-LOAD_N, LEVER_M = 15.0, 0.3
+LOAD_N, LEVER_M = 15.0, 0.15
 """Weight in water and lever of a known-weight test, as the page of a pool day has them."""
 
 

@@ -13,7 +13,7 @@ draws
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -21,7 +21,7 @@ from hindrax_core.readings import Vec3, Vec6, vec6
 from hindrax_core.rotation import minus
 from hindrax_core.vehicle import AXES, Drag, Vehicle
 from hindrax_sim.conditions.realization import TESTED, Realization
-from hindrax_sim.physics.geometry import lever_wrench, plus, rotate_back, unit
+from hindrax_sim.physics.geometry import combined, lever_wrench, plus, rotate_back, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 
@@ -81,43 +81,66 @@ def center_of_mass(world: Realization, size: float, draws: NormalDraws) -> None:
 
 
 class KnownLoad:
-    """A force of steady direction (ahead, aside and down in the pool) at a hook of the hull; `share`: of it that hangs.
+    """Forces of steady direction (ahead, aside and down in the pool) at hooks of the hull; `share`: of them that hangs.
 
     A share of -1 is the same load the other way: a float, a line from the other wall, or the hook opposite. A float is
     tied to the top: below the hull it would turn the vehicle over.
+
+    Parameters
+    ----------
+    vehicle
+        That it hangs on.
+    hung : [N], [m]
+        Each force, and where it acts in body axes.
     """
 
-    def __init__(self, vehicle: Vehicle, force: Vec3, hook: Vec3) -> None:
+    def __init__(self, vehicle: Vehicle, hung: Sequence[tuple[Vec3, Vec3]]) -> None:
         self.share = 1.0
-        self._force = force
-        x, y, z = (0.5 * size * part for size, part in zip(vehicle.envelope_m, hook, strict=True))
-        self._lever_m = minus((x, y, z), vehicle.center_of_mass_m)
-        self._lever_of_float_m = minus((x, y, -z), vehicle.center_of_mass_m)
+        center_m = vehicle.center_of_mass_m
+        self._hung = [(force, minus(hook_m, center_m)) for force, hook_m in hung]
+        self._hung_as_float = [(force, minus((x, y, -z), center_m)) for force, (x, y, z) in hung]
 
     def __call__(self, plant: Plant, _dt: float) -> Vec6:
         """Force and moment in body axes."""
-        force = plus(MIDDLE, self._force, self.share)
-        lever_m = self._lever_m if self.share > 0.0 else self._lever_of_float_m
-        return lever_wrench(rotate_back(plant.quaternion, force), lever_m)
+        hung = self._hung if self.share > 0.0 else self._hung_as_float
+        return combined(
+            [(self.share, lever_wrench(rotate_back(plant.quaternion, force), lever_m)) for force, lever_m in hung]
+        )
 
     @property
     def level(self) -> Vec6:
         """Wrench of the whole load on a level vehicle [N, N m]."""
-        return lever_wrench(self._force, self._lever_m)
+        return combined([(1.0, lever_wrench(*one)) for one in self._hung])
 
 
 def _hung(direction: Vec3, hook: Vec3, about: str) -> Hang:
+    """A force at a hook, which is given in halves of the envelope."""
+
     def hang(world: Realization, size: float, _draws: NormalDraws) -> None:
-        world.influences.append(KnownLoad(world.vehicle, plus(MIDDLE, direction, size), hook))
+        x, y, z = (0.5 * length * part for length, part in zip(world.vehicle.envelope_m, hook, strict=True))
+        world.influences.append(KnownLoad(world.vehicle, [(plus(MIDDLE, direction, size), (x, y, z))]))
 
     hang.__doc__ = about
     return hang
+
+
+def _turned(world: Realization, size: float, _draws: NormalDraws) -> None:
+    half_m = 0.5 * APART_m
+    ahead = (0.0, size, 0.0), (half_m, 0.0, 0.0)
+    behind = (0.0, -size, 0.0), (-half_m, 0.0, 0.0)
+    world.influences.append(KnownLoad(world.vehicle, [ahead, behind]))
 
 
 WEIGHT, LINE = "A weight of this force in water hangs", "A line over a pulley pulls with this force"
 TWO_kg = "Size: A dive weight of 2 kg less the water that it displaces."
 ONE_kg = "Size: A dive weight of 1 kg less the water that it displaces."
 BOTTLE = "Size: A bottle of 1.5 l that hangs in the air."
+APART_m = 0.15
+"""Between two lines that turn the hull: with a bottle each 2.25 N m, which its heading hold carries."""
+_turned.__doc__ = (
+    f"Two lines over pulleys turn the hull, {APART_m:g} m apart: each pulls with this force, the one ahead to "
+    f"starboard, the other to port. {BOTTLE}"
+)
 
 LOADS: Mapping[str, tuple[float, Hang]] = {
     "weight": (
@@ -129,5 +152,6 @@ LOADS: Mapping[str, tuple[float, Hang]] = {
     "line": (15.0, _hung(AHEAD, MIDDLE, f"{LINE} along the pool, in the middle of the hull. {BOTTLE}")),
     "line_aside": (15.0, _hung(ASIDE, MIDDLE, f"{LINE} across the pool, in the middle of the hull. {BOTTLE}")),
     "line_bow": (15.0, _hung(ASIDE, AHEAD, f"{LINE} across the pool, at the middle of the bow. {BOTTLE}")),
+    "lines_apart": (15.0, _turned),
 }
 """Usual size [N] by name, and what hangs it on a vehicle."""

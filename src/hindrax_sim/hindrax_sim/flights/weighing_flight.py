@@ -15,11 +15,8 @@ from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.pool_flight import calibrated
 from hindrax_sim.world import Conditions
 
-MOCK_LOADS = {"surge": "line", "sway": "line_aside", "heave": "weight", "yaw": "line_bow"}
+MOCK_LOADS = {"surge": "line", "sway": "line_aside", "heave": "weight", "yaw": "lines_apart"}
 """Condition of a world that loads each axis."""
-BOW_N = 8.0
-"""Load of a line at the bow: 15 N turn the Hindrax by 20 to 30 degrees before its hold carries the moment, which counts
-as a thruster that pushes the wrong way round (world *pool*, seeds 28 and 29: disarmed)."""
 SETTLE_S, HOLD_S = 30.0, 20.0
 RAMP_per_s = 0.1
 """How gently the load is put on."""
@@ -34,14 +31,13 @@ def mock_load(axis: str, load_N: float | None = None) -> str:
     axis
         By name.
     load_N : [N]
-        None: the usual one of the axis.
+        None: the usual one.
 
     Returns
     -------
     str
         As in `--world`.
     """
-    load_N = BOW_N if load_N is None and axis == "yaw" else load_N
     return MOCK_LOADS[axis] if load_N is None else f"{MOCK_LOADS[axis]}={load_N:g}"
 
 

@@ -18,7 +18,6 @@ from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
 from hindrax_cli.command import command, option
 from hindrax_cli.vehicle_edit import keep, require_editable
 from hindrax_control.maneuver.goal import largest_wrench
-from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
 from hindrax_core.text.digits import Value
@@ -30,7 +29,10 @@ ACTS = {
     "surge": ("a line over a pulley pulls it ahead", "a line over a pulley pulls it astern"),
     "sway": ("a line over a pulley pulls it to starboard", "a line over a pulley pulls it to port"),
     "heave": ("the weight hangs under its middle", "a float of this lift is tied to the middle of its top"),
-    "yaw": ("a line over a pulley pulls the bow to starboard", "a line over a pulley pulls the bow to port"),
+    "yaw": (
+        "two lines over pulleys pull with that each, ahead to starboard and behind to port",
+        "two lines over pulleys pull with that each, ahead to port and behind to starboard",
+    ),
 }
 LEVER_SIGMA_m = 0.002
 
@@ -54,7 +56,7 @@ def _elsewhere(parser: argparse.ArgumentParser) -> None:
     option("axis", choices=tuple(ACTS), help="roll and pitch: their righting moment carries the load"),
     option("--load", type=positive, metavar="N", help="force of the weight, in water if it hangs in water [N]"),
     option("--load-std", type=positive, default=0.002, metavar="PART", help="its deviation; default 0.002 [-]"),
-    option("--lever", type=positive, metavar="M", help="yaw: of the line from the center of mass [m]"),
+    option("--lever", type=positive, metavar="M", help="yaw: distance between the two lines along the hull [m]"),
     option("--one-way", action="store_true", help="only the first direction: no float, no second pulley"),
     add_vehicle,
     option("--write", action="store_true", help="put the gain into the vehicle file"),
@@ -66,8 +68,7 @@ def weigh(arguments: argparse.Namespace) -> int:
     """Gain of the thrust on an axis from a known weight or a line over a pulley, without a load cell."""
     require_editable(arguments)
     vehicle, axis = load_vehicle(arguments.vehicle), AXES.index(arguments.axis)
-    holds, prior = _holds(arguments, vehicle, axis), prior_dynamics(vehicle)[arguments.axis]
-    found = weighed(holds, axis, prior, load_sigma=_sigma(arguments))
+    found = weighed(_holds(arguments, vehicle, axis), axis, vehicle, load_sigma=_sigma(arguments))
     kept = found.refused or _keep(arguments, vehicle, found)
     document = {"weighing": found, "written": arguments.write and not found.refused, "refused": found.refused}
     print_answer(document, lambda: show(found, kept), as_json=arguments.json)

@@ -21,7 +21,6 @@ from hindrax_analysis.identification.pool_session import (
     reached_of,
 )
 from hindrax_analysis.identification.record_identification import events_apart
-from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.events import Stamped
 from hindrax_core.signals import IdentEvent
 from hindrax_core.text.digits import TWO_SIDED_95
@@ -58,9 +57,7 @@ def weigh_in_lockstep(
     spans = [LoadSpan(*one) for one in flight.spans]
     seconds = 1e-9 * (spans[-1].end - spans[0].begin) if spans else 0.0
     # A hold that a guard ended is too short to cut out, as beside a pool.
-    gain, reason = gain_or_reason(
-        lambda: weighed(holds_of(flight.events, number, spans), number, prior_dynamics(vehicle)[axis])
-    )
+    gain, reason = gain_or_reason(lambda: weighed(holds_of(flight.events, number, spans), number, vehicle))
     return gain, seconds, reason
 
 

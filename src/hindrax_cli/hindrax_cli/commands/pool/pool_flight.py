@@ -121,7 +121,7 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
     option(
         "--load", type=positive, metavar="N", help="session: force of the weight [N]; without it nothing is weighed"
     ),
-    option("--lever", type=positive, metavar="M", help="session: of the line that turns it in yaw [m]"),
+    option("--lever", type=positive, metavar="M", help="session: distance between the two lines of yaw [m]"),
     option(
         "--yes", action="store_true", help="session: no questions; the tether counts as led away, nothing is weighed"
     ),

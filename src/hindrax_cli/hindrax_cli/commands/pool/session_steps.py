@@ -31,7 +31,6 @@ from hindrax_cli.vehicle_edit import set_keys
 from hindrax_control.commissioning.findings import TRIM, Findings
 from hindrax_control.commissioning.record import proof, unproven
 from hindrax_control.maneuver.goal import PLATEAUS
-from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.refusals import NOTHING, STOPPED, Refusal, from_sentence
 from hindrax_core.text.screen_text import print_stderr
@@ -269,8 +268,7 @@ class StackStepRunner:
         if flight.aborted or not held:
             return None, flight.vehicle_s, f"aborted by {flight.aborted}"
         sigma = (LOAD_SIGMA**2 + ((LEVER_SIGMA_m / lever_m) ** 2 if axis == "yaw" else 0.0)) ** 0.5
-        asked = held, AXES.index(axis), prior_dynamics(self.vehicle)[axis]
-        gain, reason = gain_or_reason(partial(weighed, *asked, load_sigma=sigma))
+        gain, reason = gain_or_reason(partial(weighed, held, AXES.index(axis), self.vehicle, load_sigma=sigma))
         return gain, flight.vehicle_s, reason
 
     def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
