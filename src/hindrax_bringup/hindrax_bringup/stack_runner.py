@@ -25,7 +25,7 @@ from hindrax_bringup.liveness import PROCESSES_START, LivenessFile, reported_arm
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.process_state import is_stopped
 from hindrax_bringup.processes import EVERY, MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, SENSORS, THRUSTERS
-from hindrax_bringup.ros_graph import full_shared_memory, graph_settings, lines_to_join
+from hindrax_bringup.ros_graph import exported_domain, full_shared_memory, graph_settings, lines_to_join
 from hindrax_bringup.stack import OTHER_WORLD, Stack, adopted, own_domain, stack_environment
 from hindrax_bringup.stack_lock import CLONE, StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.stack_process import LAST_WORDS, UpOptions
@@ -34,6 +34,7 @@ from hindrax_core.errors import INTERRUPTED, HindraxError, cause
 from hindrax_core.stack_time import STEP_S, StackTime
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ros.free_domain import only_stack
 
 VITAL = {MOCK.name, REPLAY.name, THRUSTERS.name, SAFETY_MONITOR.name}
 """Without these nothing is left to operate; without another one the rest still serves."""
@@ -48,7 +49,11 @@ def run_up(options: UpOptions, over: Callable[[], bool]) -> None:
     if full := full_shared_memory():
         raise HindraxError(full)
     mock, namespace = options.hardware is not None, options.tuning.namespace
-    with own_domain(mock=mock, namespace=namespace) as domain, tool_liveness() as beating:
+    with (
+        own_domain(mock=mock, namespace=namespace) as domain,
+        only_stack(exported_domain(os.environ) or 0 if domain is None else domain, namespace),
+        tool_liveness() as beating,
+    ):
         run = 1
         while not over():
             _run(options, run, domain, over, beating)

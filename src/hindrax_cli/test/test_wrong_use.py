@@ -5,11 +5,13 @@ import errno
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 
+from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_process import UpOptions
@@ -22,6 +24,7 @@ from hindrax_cli.commands.operate import manual_control
 from hindrax_cli.commands.pool import pool_flight
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ros.free_domain import only_stack
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -173,6 +176,20 @@ def test_a_stack_that_is_refused_leaves_no_folder_behind(monkeypatch: pytest.Mon
     with pytest.raises(HindraxError, match=REFUSAL):
         run_up(options, lambda: True)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_second_stack_of_a_real_vehicle_in_a_graph_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, ros_domain: int
+) -> None:
+    """Two autopilots at two addresses collide at no port: the operator of the one disarmed the other."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    options = UpOptions(default_vehicle(), out=str(tmp_path / "run"))
+    with only_stack(ros_domain, "/hindrax"):
+        wanted = rf"ROS domain {ros_domain}: found another stack in /hindrax on this machine, wanted none; end that one"
+        with pytest.raises(HindraxError, match=wanted):
+            run_up(options, lambda: True)
+        run_up(replace(options, tuning=ParameterOverrides(namespace="/other")), lambda: True)
+    run_up(options, lambda: True)
 
 
 def test_a_pool_test_whose_stack_is_refused_leaves_no_folder_behind(

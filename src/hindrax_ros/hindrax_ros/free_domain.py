@@ -1,6 +1,7 @@
 """A ROS domain that no process on this machine uses, for a stack or a test of its own."""
 
 import contextlib
+import hashlib
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,8 @@ DOMAIN_ADDRESS = "\0hindrax-domain-{}"
 """Abstract socket that a tool binds while it uses a domain (unix(7)): no file, so nothing that a link could lead to."""
 FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
 """UDP ports at which the participants of a domain receive (OMG DDSI-RTPS 2.3, section 9.6.1.1)."""
+STACK_ADDRESS = "\0hindrax-stack-{}"
+"""The same of a stack; its name has one length for every namespace."""
 SOCKET_TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 
 
@@ -38,3 +41,40 @@ def free_domain() -> Iterator[int]:
     raise HindraxError(
         f"ROS domains {DOMAINS[0]} to {DOMAINS[-1]}: found all in use, wanted a free one; wait for a mock run to end"
     )
+
+
+@contextlib.contextmanager
+def only_stack(domain: int, namespace: str) -> Iterator[None]:
+    """Be the only stack of this machine in a namespace of a domain until the end of the block.
+
+    Two of them would obey, arm and disarm each other's operators, whatever vehicles they have. The kernel takes the
+    reservation back when the tool ends, however it ends.
+
+    Parameters
+    ----------
+    domain
+        ROS domain.
+    namespace
+        Of the nodes.
+
+    Yields
+    ------
+    None
+        While it is reserved.
+
+    Raises
+    ------
+    HindraxError
+        Where another stack has both.
+    """
+    name = hashlib.sha256(f"{domain} {namespace}".encode()).hexdigest()
+    with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) as lock:
+        try:
+            lock.bind(STACK_ADDRESS.format(name))
+        except OSError as error:
+            raise HindraxError(
+                f"ROS domain {domain}: found another stack in {namespace} on this machine, wanted none; end that one "
+                "(`./hindrax status` lists it), or give this one a graph of its own: another ROS_DOMAIN_ID, in this "
+                "terminal and in all that command it"
+            ) from error
+        yield
