@@ -22,10 +22,13 @@ pytestmark = pytest.mark.skipif(
 )
 SHOWN = (
     *("heading", "30.0 deg", "+0.312 m/s", "unknown", "1640 us", "lost: sway", "at 270.0 deg", "no echo"),
-    *("no reading for <b>3.2 s</b>", "k_q 66.10 ±0.40", "20 Hz", "x 4.20 m, y 2.90 m ±0.20 m"),
+    *("no reading for <b>3.2 s</b>", "k_q 66.10 ±0.40", "20\u00a0Hz", "x 4.20 m, y 2.90 m ±0.20 m"),
     *("2.50 m", "disabled", "heave_down", "8.7 ±2.5 N at 0.28 m/s"),
 )
 """What the page must show; what a node says is text, not markup."""
+ABORTED = ManeuverView("", "aborted", "", 0.42, 93.0, 2.1, 14.2, 0.312)
+"""After its end the pilot flies no motion."""
+RESTING = replace(ESTIMATE, motion="heave_down", learning=False, reason="its stamp is not later than the previous one")
 STOP_RED = "rgb(179, 38, 30)"
 COLOR_OF_STOP = "getComputedStyle(document.getElementById('stop')).backgroundColor"
 BAND_OF_NOW = """(() => {
@@ -114,13 +117,14 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         assert seen.run(COLOR_OF_STOP) != STOP_RED, "it would be refused"
         page.vehicle.shown = replace(ARMED, silent_s=math.inf, stoppable=False)
         seen.wait(f"{text('reason')} === 'no message from the thrusters'")
-        page.vehicle.shown = replace(ARMED, flight=ManeuverView("surge", "plateau", "", 0.42, 93.0, 2.1, 14.2, 0.312))
+        flown = ManeuverView("surge", "plateau", "", 0.42, 93.0, 2.1, 14.2, 0.312)
+        page.vehicle.shown = replace(ARMED, flight=flown, estimates={"surge": ESTIMATE, "heave_down": RESTING})
         seen.wait(f"{text('flight')}.includes('42 %')")
 
         # Nothing is wider than a phone, in any color, and nothing is too small for a finger.
-        for scheme in ("light", "dark"):
-            seen.look(390, 844, scheme)
-            assert seen.run("document.documentElement.scrollWidth") <= 390
+        for scheme, width in (("light", 360), ("dark", 390)):
+            seen.look(width, 844, scheme)
+            assert seen.run("document.documentElement.scrollWidth") <= width
             assert seen.run(
                 "[...document.querySelectorAll('.scroll')].every(one => one.scrollWidth <= one.clientWidth)"
             )
@@ -197,6 +201,18 @@ def test_a_camera_the_estimate_over_time_and_banners_that_go(tmp_path: Path) -> 
         seen.wait(f"{text('outcomes')}.includes('wanted armed')")
         page.vehicle.shown = replace(page.vehicle.shown, thrusters=ARMED.thrusters)
         seen.wait(f"!{text('outcomes')}.includes('wanted armed')")
+
+        # Why a maneuver ended stands once: in its banner, and in its place when the banner is gone.
+        assert page.vehicle.landed is None
+        seen.wait("!document.getElementById('flying').disabled")
+        seen.run("document.getElementById('start').click()")
+        seen.wait("document.getElementById('flying').disabled")
+        assert page.vehicle.landed is not None
+        page.vehicle.shown = replace(page.vehicle.shown, flight=replace(ABORTED, aborted="leak: found water"))
+        page.vehicle.landed("the maneuver ended early, by leak: found water", False)
+        seen.wait(f"{text('flight')} === 'the maneuver ended early'")
+        seen.run("document.querySelector('#outcomes button').click()")
+        seen.wait(f"{text('flight')} === 'the maneuver ended by leak: found water'")
 
 
 def test_without_the_token_the_page_asks_for_it_and_a_page_that_watches_has_no_buttons(tmp_path: Path) -> None:

@@ -94,6 +94,9 @@ function notify(sentence, well, over = () => false) {
   setTimeout(() => line.remove(), well ? 8000 : 30000);
 }
 
+/* Whether a sentence stands in a banner, so that no other place need say it. */
+const in_a_banner = sentence => [...at("outcomes").children].some(line => line.textContent.includes(sentence));
+
 async function listen() {
   for (;;) {
     try {
@@ -267,7 +270,8 @@ function thrusters(found) {
 function flight(update) {
   const found = update.flight, place = at("flight"), armed = update.thrusters.armed, over = !found || ["done", "aborted"].includes(found.phase);
   if (!found) place.replaceChildren(make("p", "none yet", "soft"));
-  else if (found.aborted) place.replaceChildren(make("p", found.motion + " ended by " + found.aborted, "bad"));
+  else if (found.aborted) place.replaceChildren(make("p", (found.motion || "the maneuver") +
+    (in_a_banner(found.aborted) ? " ended early" : " ended by " + found.aborted), "bad"));
   else if (over) place.replaceChildren(make("p", "done", "good"));
   else if (!armed) place.replaceChildren(make("p", found.motion + " ended, the thrusters are at rest", "soft"));
   else {
@@ -306,7 +310,7 @@ const health = found => at("health").replaceChildren(...Object.entries(found)
   .map(([name, one]) => {
     const kind = KINDS[one.level] || "bad", line = make("li", undefined, one.level === "ok" ? "" : "wrong");
     line.append(make("span", one.level === "ok" ? "\u2713 " : "\u2717 ", kind), make("b", name),
-      make("span", (one.rate_Hz === null ? "" : " " + one.rate_Hz.toFixed(0) + " Hz") +
+      make("span", (one.rate_Hz === null ? "" : " " + one.rate_Hz.toFixed(0) + "\u00a0Hz") +
         (one.level === "ok" ? "" : " " + one.message), one.level === "ok" ? "soft" : kind));
     return line;
   }));
