@@ -126,6 +126,8 @@ def run(words: argparse.Namespace, folder: Path) -> int:
                     link.serve(0.0 if link.may_step() else TURN_S)
                 if clock is not None and clock.keep() and link is not None:
                     raise HindraxError("the computer stood still, and the simulator may have lost it; start both again")
+                if link is not None:
+                    link.require_going_on()
                 heartbeat.beat(time.monotonic())
             outlast_output(mock)
             if link is not None:

@@ -30,6 +30,9 @@ FIRST_WITHIN_S = 45.0
 """Wall time that a simulator has to publish its first state."""
 SILENT_S = 1.0
 """Wall time without a state after which the thrusters get zero: a paused simulator must not go on with our last."""
+ENDED_S = 10.0
+"""Wall time without a state after which it has ended: soon the processes that sleep in its time would count as hung
+(`hindrax_bringup.supervisor.HUNG_S`)."""
 ROUNDING_S = 1e-6
 
 
@@ -66,6 +69,14 @@ class SimulatorLink:
         if silent and not self._silent:
             self.rest()
         self._silent = silent
+
+    def require_going_on(self) -> None:
+        """HindraxError for a simulator that has ended, or stands still for too long."""
+        if time.monotonic() - self._heard_s > ENDED_S:
+            raise HindraxError(
+                f"{self._simulator.odometry}: the simulator published no state for {ENDED_S:g} s; has it ended, or is "
+                "it paused? Start it and the stack again"
+            )
 
     def may_step(self) -> bool:
         """Whether the simulator has reached the next step of the mock."""
