@@ -203,6 +203,51 @@ def test_a_log_with_many_flipped_bits_is_refused_in_one_sentence(
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_kind_that_a_flipped_bit_has_made_costs_one_message(tmp_path: Path) -> None:
+    """The index of pymavlink ends at the first kind that is not defined: half of a log was lost without a word."""
+    content, file = bytearray(b"".join(dataflash())), tmp_path / "x.bin"
+    file.write_bytes(content)
+    whole = read(file)
+    at = content.index(b"\xa3\x95" + bytes([FORMATS["RCOU"][0]]), len(content) // 2)
+    content[at + 2] ^= 0x40
+    file.write_bytes(content)
+    found = read(file)
+    assert len(found.wrench_t) == len(whole.wrench_t) - 1
+    assert found.wrench_t[-1] == whole.wrench_t[-1]
+    assert "the file is damaged in 1 place; what is no message there is left out" in found.assumptions
+
+
+def test_a_log_without_its_beginning_is_refused_by_name(tmp_path: Path) -> None:
+    file = tmp_path / "x.bin"
+    file.write_bytes(b"".join(dataflash())[1000:])
+    with pytest.raises(UsageError, match=r"x\.bin: found no message that is whole.* the beginning of a log"):
+        read(file)
+
+
+def test_a_pulse_that_no_output_has_costs_its_row_and_many_are_refused(tmp_path: Path) -> None:
+    content, file = bytearray(b"".join(dataflash())), tmp_path / "x.bin"
+    header = b"\xa3\x95" + bytes([FORMATS["RCOU"][0]])
+    at = content.index(header, len(content) // 2)
+    content[at + 3 + 8 + 1] ^= 0x40  # the high byte of C1
+    file.write_bytes(content)
+    found = read(file)
+    assert len(found.wrench_t) == STEPS - 1
+    assert any("1 row of pulses that no output has: damage" in one for one in found.assumptions)
+    for _ in range(3):
+        at = content.index(header, at + 1)
+        content[at + 3 + 8 + 1] ^= 0x40
+    file.write_bytes(content)
+    with pytest.raises(UsageError, match=r"found a pulse of \d+ us, wanted"):
+        read(file)
+
+
+def test_damage_of_a_log_of_px4_is_named(tmp_path: Path) -> None:
+    content, file = b"".join(ulog(px4())), tmp_path / "x.ulg"
+    half = len(content) // 2
+    file.write_bytes(content[:half] + bytes(300) + content[half + 300 :])
+    assert "the file is damaged; what pyulog could not read is left out" in read(file).assumptions
+
+
 @pytest.mark.parametrize("bit", [0, 7])
 def test_a_flipped_bit_of_a_time_is_no_start_of_the_autopilot(bit: int, tmp_path: Path) -> None:
     """One message 2 h or 9e9 s ahead of its neighbors made two records of one; of 1,798 such messages six."""

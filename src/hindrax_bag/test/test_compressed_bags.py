@@ -18,7 +18,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from hindrax_bag.read import compression
-from hindrax_bag.read.bag_reader import attachments, messages
+from hindrax_bag.read.bag_reader import DamagedMessageError, attachments, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.message_columns import extract, series
 from hindrax_bag.read.recovery import recover
@@ -184,6 +184,33 @@ def test_what_is_whole_and_cannot_be_decoded_is_left_out_and_named(tmp_path: Pat
     assert re.fullmatch(r"a message of /wrench is damaged \(\w+\) and left out \(3 times\)", sentence)
     assert tables["/wrench"][1] == COUNT - 3
     assert len(series(bag, ["/wrench:wrench.force.x"])[0].values) == COUNT - 3
+
+
+@pytest.mark.parametrize("spoiled", [b"\x87", b"float99 "])
+def test_a_definition_that_cannot_be_read_costs_its_topic(spoiled: bytes, tmp_path: Path) -> None:
+    """In a chunk without a checksum nothing else shows it: it was a traceback of the decoder."""
+    text = ROS2.generate_msgdef(WRENCH, ros_version=2)[0].encode()
+    file = tmp_path / "bag.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, enable_crcs=False)
+        writer.start()
+        schema = writer.register_schema(WRENCH, "ros2msg", text.replace(b"float64 ", spoiled, 1))
+        topic = writer.register_channel("/wrench", "cdr", schema)
+        for index in range(3):
+            writer.add_message(topic, index, bytes(ROS2.serialize_cdr(wrench(ROS2, index), WRENCH)), index)
+        writer.finish()  # type: ignore[no-untyped-call]
+    for message in messages(file):
+        with pytest.raises(DamagedMessageError, match=r"the definition of .*WrenchStamped, of /wrench, cannot be read"):
+            message.decoded()
+
+
+def test_a_damaged_text_of_a_database_is_one_sentence(tmp_path: Path) -> None:
+    bag = rosbag2(tmp_path / "bag", StoragePlugin.SQLITE3, "message")
+    (file,) = bag.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        database.execute("UPDATE topics SET type = CAST(x'87' AS TEXT)")
+    with pytest.raises(UsageError, match=re.escape(f"{file}: cannot be read as a sqlite3 bag")):
+        list(messages(bag))
 
 
 def test_a_message_that_grows_without_end_is_damaged(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,10 +14,11 @@ import functools
 import io
 import math
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -62,6 +63,10 @@ WRAP_S = 2.0**32 * 1e-6
 MOST_ROWS = 2_000_000
 MOST_DAMAGED = 0.001
 """Places that are no message, of all messages, from which on the others are not believed either. A cut has one."""
+INDEX_REST_B = 528
+"""What may be left behind the index of a .bin: the rest of a page of a block-based log, and garbage (pymavlink)."""
+SKIPPED = re.compile(r"Skipped \d+ bad bytes in log at offset (\d+)")
+"""What pymavlink prints of a place of a .bin that is no message."""
 RESTART_S = 5.0
 """A time since power-up that steps back by more than this is that of another start."""
 
@@ -70,12 +75,14 @@ RESTART_S = 5.0
 class ArduPilotLog:
     """One start of an autopilot: tables of its quantities, and its parameters.
 
-    `others`: numbers of the MAVLink systems whose messages were left out, being of other vehicles.
+    `others`: numbers of the MAVLink systems whose messages were left out, being of other vehicles. `damaged`: places
+    of the file that are no message, its end not counted.
     """
 
     tables: Tables = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
     others: tuple[int, ...] = ()
+    damaged: int = 0
 
 
 def read_starts(path: Path) -> list[ArduPilotLog]:
@@ -101,12 +108,19 @@ def read_starts(path: Path) -> list[ArduPilotLog]:
 def _read_starts(path: Path, _size: int, _changed_ns: int) -> list[ArduPilotLog]:
     with _complaints() as complaints:
         starts, messages = _starts(path)
-    if (places := "".join(complaints).count("Skipped ")) > max(1.0, MOST_DAMAGED * messages):
+    # Its index and its reader may both name a place.
+    places = len(set(SKIPPED.findall("".join(complaints))))
+    if places > 1 and not messages:
+        raise UsageError(
+            f"{path}: found no message that is whole, in {places} places: the beginning of a log, which defines its "
+            "messages, is missing or damaged; download it from the autopilot again"
+        )
+    if places > max(1.0, MOST_DAMAGED * messages):
         raise UsageError(
             f"{path}: is damaged in {places} places, with {messages} messages whose values are in doubt as well; "
             "download it from the autopilot again"
         )
-    return starts
+    return [replace(one, damaged=places) for one in starts]
 
 
 @contextmanager
@@ -300,11 +314,26 @@ def _messages(path: Path) -> Iterator[Any]:
     except ImportError as error:
         raise HindraxError(f"{path}: logs of ArduPilot need pymavlink; {how_to_install('autopilot')}") from error
     try:
-        log = mavutil.mavlink_connection(str(path))
-        while (message := log.recv_match(type=[*FIELDS, *PARAMETERS])) is not None:
-            yield message
+        log, wanted = mavutil.mavlink_connection(str(path)), [*FIELDS, *PARAMETERS]
+        through_index = wanted if _index_is_whole(log) else None
+        while (message := log.recv_match(type=through_index)) is not None:
+            if through_index or message.get_type() in wanted:
+                yield message
     except Exception as error:  # pymavlink raises plain ones on garbage
         why = type(error).__name__
         raise UsageError(
             f"{path}: is no log of ArduPilot, or is cut off ({why} of pymavlink); copy it again"
         ) from error
+
+
+def _index_is_whole(log: Any) -> bool:
+    """Whether pymavlink's index of a .bin reaches its end: it stops at the first kind of message that is not defined.
+
+    A flipped bit in the head of one message is enough, and all behind it would be lost without a word. A file without
+    an index (.tlog) is read from one message to the next.
+    """
+    if not hasattr(log, "formats"):
+        return True
+    of_kinds = [(kind, offsets) for kind, offsets in enumerate(log.offsets) if kind in log.formats and len(offsets)]
+    end = max((offsets[-1] + log.formats[kind].len for kind, offsets in of_kinds), default=0)
+    return bool(log.data_len - end < INDEX_REST_B)

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from hindrax_analysis.records.ardupilot_log import Quantity, Tables, claimed, read_starts
 from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.recording import Recording, wrenches_of_pulses
+from hindrax_control.allocation.thrust_curve import SERVO_US
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import how_to_install
 from hindrax_core.vehicle import Vehicle
@@ -45,6 +46,8 @@ LEAST_V, MOST_V = 5.0, 60.0
 """Another voltage is that of an unconnected monitor."""
 STEP_V = 0.1
 """Resolution of the voltage in the thrust curves."""
+MOST_IMPOSSIBLE = 0.01
+"""Rows of pulses that no output has, of all, which count as damage; more are another vehicle's or another unit's."""
 LEAST_DEPTH_m = 0.05
 """A pressure that varies less is that of the air in the hull."""
 
@@ -77,21 +80,26 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
     if path.suffix.lower() == ULOG:
         # pyulog prints what is corrupt.
         with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
-            starts = [_px4_tables(path, [thruster.channel for thruster in vehicle.thrusters])]
-        others = ""
+            found, damaged = _px4_tables(path, [thruster.channel for thruster in vehicle.thrusters])
+        starts = [found]
+        notes = ["the file is damaged; what pyulog could not read is left out"] if damaged else []
     else:
         logs = read_starts(path)
         starts = [one.tables for one in logs]
         systems = ", ".join(str(number) for number in (logs[0].others if logs else ()))
-        others = f"messages of other vehicles (MAVLink system {systems}) are left out" if systems else ""
+        notes = [f"messages of other vehicles (MAVLink system {systems}) are left out"] if systems else []
+        if places := logs[0].damaged if logs else 0:
+            where = "1 place" if places == 1 else f"{places} places"
+            notes.append(f"the file is damaged in {where}; what is no message there is left out")
     lacks = [_lacking(tables) for tables in starts]
     usable = [tables for tables, lacking in zip(starts, lacks, strict=True) if not lacking]
     if not usable:
         there = ", ".join(sorted({name for tables in starts for name in tables})) or "nothing that is known"
         wanted = next(iter(lacks), WANTED["pulses"])
         raise UsageError(f"{path}: found {there}, wanted the {wanted}")
-    restarts = f"the autopilot started {len(starts)} times: each is a record" if len(starts) > 1 else ""
-    return [_recording(path, tables, vehicle, (restarts, others)) for tables in usable]
+    if len(starts) > 1:
+        notes.insert(0, f"the autopilot started {len(starts)} times: each is a record")
+    return [_recording(path, tables, vehicle, notes) for tables in usable]
 
 
 def _require_known(path: Path) -> None:
@@ -119,6 +127,7 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, of_log: Sequence[st
         parts.append((rate_t, array(np.column_stack([np.full_like(rates, np.nan), rates]))))
     t, rows = (array(np.concatenate(column)) for column in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
+    tables["pulses"], pulse_note = _possible_pulses(tables["pulses"], vehicle)
     pulses_t, wrench, supply_note = _wrenches(path, tables, vehicle)
     tilts_t = [attitude_t]
     tilts = [np.column_stack([attitude[:, :2], np.full(len(attitude), np.nan)])]
@@ -134,7 +143,7 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, of_log: Sequence[st
     return Recording(
         str(path), array(t[order]), array(rows[order]), pulses_t, wrench,
         array(np.concatenate(tilts_t)[tilt_order]), array(np.concatenate(tilts)[tilt_order]), origin,
-        tuple(one for one in (*notes, supply_note, *of_log) if one),
+        tuple(one for one in (*notes, pulse_note, supply_note, *of_log) if one),
     )  # fmt: skip
 
 
@@ -167,16 +176,19 @@ def _depths(tables: Tables, vehicle: Vehicle) -> tuple[Array, Array] | None:
     return (t, depths) if np.ptp(depths) > LEAST_DEPTH_m else None
 
 
-def _px4_tables(path: Path, channels: Sequence[int]) -> Tables:
-    """Tables of a log of PX4; of several drivers of outputs that which moved one of these channels, else the first."""
+def _px4_tables(path: Path, channels: Sequence[int]) -> tuple[Tables, bool]:
+    """Tables of a log of PX4, and whether it is damaged.
+
+    Of several drivers of outputs that which moved one of these channels, else the first.
+    """
     try:
         from pyulog import ULog  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
         raise HindraxError(f"{path}: logs of PX4 need pyulog; {how_to_install('autopilot')}") from error
     try:
-        datasets = ULog(str(path), list(PX4_FIELDS)).data_list
+        log = ULog(str(path), list(PX4_FIELDS))
         found: dict[Quantity, list[tuple[Array, Array]]] = {}
-        for one in sorted(datasets, key=lambda one: int(one.multi_id)):
+        for one in sorted(log.data_list, key=lambda one: int(one.multi_id)):
             quantity, fields = PX4_FIELDS[one.name]
             found.setdefault(quantity, []).append(_px4_rows(one.data, fields))
     except Exception as error:  # pyulog raises plain ones on garbage
@@ -191,7 +203,7 @@ def _px4_tables(path: Path, channels: Sequence[int]) -> Tables:
         w, x, y, z = turned.T
         yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         tables["attitude"] = t, array(np.column_stack([tilts_of(array(turned[:, [1, 2, 3, 0]])), yaw]))
-    return tables
+    return tables, bool(log.file_corruption)
 
 
 def _px4_rows(data: Mapping[str, Any], fields: Sequence[str]) -> tuple[Array, Array]:
@@ -205,6 +217,18 @@ def _px4_rows(data: Mapping[str, Any], fields: Sequence[str]) -> tuple[Array, Ar
         kept &= np.asarray(data.get(name, 1)) != 0
     rows = np.column_stack([np.asarray(data[name], dtype=np.float64) for name in fields])
     return array(t_s[kept]), array(rows[kept])
+
+
+def _possible_pulses(pulses: tuple[Array, Array], vehicle: Vehicle) -> tuple[tuple[Array, Array], str]:
+    """Pulses without the few rows that a damaged file has and no output, and a note on them; many are an error."""
+    t, rows = pulses
+    ours = rows[:, [one.channel for one in vehicle.thrusters if one.channel < rows.shape[1]]]
+    possible = ((ours == 0.0) | ((ours >= SERVO_US[0]) & (ours <= SERVO_US[1]))).all(axis=1)
+    gone = int((~possible).sum())
+    if not gone or gone > max(1.0, MOST_IMPOSSIBLE * len(rows)):
+        return pulses, ""
+    what = "1 row of pulses" if gone == 1 else f"{gone} rows of pulses"
+    return (array(t[possible]), array(rows[possible])), f"{what} that no output has: damage, left out"
 
 
 def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Array, str]:

@@ -9,7 +9,7 @@ import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap_ros2.decoder import DecoderFactory
@@ -65,7 +65,16 @@ class MessageDecoder:
     def _first_decode(self, data: bytes) -> object:
         """Decode by the schema of the bag and migrate the message to the current form."""
         encoding = self.channel.message_encoding
-        made: Decode | None = DecoderFactory().decoder_for(encoding, self.schema)
+        try:
+            made: Decode | None = DecoderFactory().decoder_for(encoding, self.schema)
+        except Exception as error:  # the parser of mcap_ros2 raises plain ones
+            why = f"the definition of {self.type}, of {self.channel.topic}, cannot be read ({type(error).__name__})"
+
+            def refuse(_data: bytes) -> NoReturn:
+                raise DamagedMessageError(why)
+
+            self.decode = refuse
+            raise DamagedMessageError(why) from error
         if made is None:
             raise UsageError(f"topic {self.channel.topic}: encoding {encoding!r} cannot be decoded, wanted cdr")
 
@@ -264,7 +273,7 @@ def _sqlite_messages(file: Path, place: Path, topics: Collection[str] | None, da
                         damage.skip(f"{file.name}: {_damaged_message(topic, error)}", int(stamp), int(stamp))
                         continue
                     yield BagMessage(topic, form.type, data, int(stamp), int(stamp), form)
-    except sqlite3.DatabaseError as error:
+    except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # the latter in a text of a damaged page
         raise UsageError(
             f"{file}: cannot be read as a sqlite3 bag ({error}); copy it again, or name another"
         ) from error
