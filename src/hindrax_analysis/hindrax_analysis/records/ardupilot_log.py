@@ -16,11 +16,11 @@ import math
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 
@@ -326,7 +326,20 @@ def _messages(path: Path) -> Iterator[Any]:
         ) from error
 
 
-def _index_is_whole(log: Any) -> bool:
+class _Format(Protocol):
+    len: int
+
+
+class _Indexed(Protocol):
+    """What is used of pymavlink's reader of a .bin."""
+
+    offsets: Sequence[Sequence[int]]
+    """Places of the messages, by kind."""
+    formats: Mapping[int, _Format]
+    data_len: int
+
+
+def _index_is_whole(log: _Indexed) -> bool:
     """Whether pymavlink's index of a .bin reaches its end: it stops at the first kind of message that is not defined.
 
     A flipped bit in the head of one message is enough, and all behind it would be lost without a word. A file without
