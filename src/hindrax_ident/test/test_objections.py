@@ -34,6 +34,9 @@ SAID = {
     "(on sway it does): nothing was excited",
     objection(Code.CONSTANT_VELOCITY, axis="surge", where=""): "the velocity of surge never changes: it was not "
     "measured, or the vehicle did not move",
+    objection(Code.UNSIGNED_VELOCITY, axis="surge"): "the velocity of surge is never below zero, and grows while the "
+    "thrust pushes backward: it is a speed without a sign; record the velocity along the axis, or give the speed the "
+    "sign of the motion",
     objection(Code.NO_FIT): "no coefficients explain this motion by this force: check axes, signs and times of both",
     objection(Code.UNUSABLE, why="it is too short"): "it is too short",
     objection(Code.NOT_CONVERGED): "the fit did not converge",
@@ -69,6 +72,8 @@ SAID = {
     ): "its thrust has 2.1 frequencies, wanted 3: fly steps, or a chirp",
     objection(Code.UNKNOWN_FORCES): "forces that the model lacks are larger than half of the largest thrust",
     objection(Code.AGAINST_THRUST): "it moves against its thrust: check the sign of the wrench, and the axes of both",
+    objection(Code.BRAKED_BY_THRUST): "its thrust brakes the motion, as of a controller that holds it: other forces "
+    "move it; push on it on purpose, or check the sign of the wrench",
     objection(Code.IMPLAUSIBLE_SPEED, speed=450.0, unit="m/s"): "speeds of up to 450 m/s: check the units of force "
     "and velocity, and the vehicle file",
     objection(Code.IMPLAUSIBLE_MASS, times=40.2): "the added mass is 40 times the body's own: check the units of force "
