@@ -87,6 +87,32 @@ def test_a_rest_under_the_thrust_that_holds_it_is_no_lost_lock() -> None:
     assert not any("lock" in one for one in without_damage(rest).assumptions)
 
 
+def dived(above_m: float) -> Recording:
+    """A record of heave by velocity and depth, pressed against the surface for 30 s and then moved as `moving`."""
+    pressed = 300
+    w = np.concatenate((np.zeros(pressed), moving()[:-pressed]))
+    depth = above_m + np.cumsum(PERIOD_S * w) + 0.004 * np.random.default_rng(7).standard_normal(len(T))
+    velocity, wrench = np.full((len(T), 6), np.nan), np.full((len(T), 6), np.nan)
+    velocity[:, 2] = w + NOISE_mps * np.random.default_rng(8).standard_normal(len(T))
+    wrench[:, 2] = np.concatenate((np.full(pressed, -4.0), PUSH_N[:-pressed]))
+    attitude = np.column_stack([np.zeros((len(T), 2)), depth])
+    return Recording("x.csv", T, array(velocity), T, array(wrench), T, array(attitude))
+
+
+def test_a_vehicle_that_is_pressed_against_the_surface_is_not_free() -> None:
+    """Heave was "not identifiable: fly longer" where the water above carried the thrust of half a minute."""
+    found = without_damage(dived(0.1))
+    rest = (T > 2.0) & (T < 29.0)
+    assert np.isnan(found.velocity[rest, 2]).mean() > 0.95
+    assert np.isnan(found.attitude[rest, 2]).mean() > 0.95
+    assert np.isfinite(found.velocity[T > 35.0, 2]).all()
+    assert any("at the surface, while the thrust pushes up" in one for one in found.assumptions)
+
+
+def test_a_vehicle_that_holds_its_weight_below_the_surface_is_free() -> None:
+    assert without_damage(dived(3.0)).assumptions == ()
+
+
 def test_an_axis_that_was_never_measured_is_not_damaged() -> None:
     assert without_damage(recorded(moving(), array(np.zeros(len(T))))).assumptions == ()
 

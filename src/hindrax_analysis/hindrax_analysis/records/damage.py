@@ -15,6 +15,7 @@ import numpy as np
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, Index, array
+from hindrax_ident.model.thrust_lag import LaggedThrust
 
 SHORTEST_STUCK_S, FEWEST_EQUAL = 0.5, 5
 """Least time and number of equal values of a stretch."""
@@ -39,6 +40,12 @@ PAUSE_S = 5.0
 """A longer step is no time between two bursts."""
 APART, FEWEST_OTHERS = 3.0, 10
 """Distance of a number that stands for "no value" from all others, in spans of these, and their least number."""
+HEAVE = 2
+SURFACE_m, CONTACT_m, CONTACT_NOISES = 0.5, 0.02, 4.0
+"""Largest depth of a vehicle that floats, by its sensor, which may count from elsewhere on the hull; and how far it
+bobs [m], or by how many deviations of the depth's noise."""
+CONTACT_S, CONTACT_PUSH = 1.0, 0.05
+"""Least time of a contact, and least mean thrust against it over about as long, in the largest."""
 GAP_STEPS, GAP_S = 5.0, 1.0
 """Steps (of the median) and time without any velocity that are a gap."""
 
@@ -66,7 +73,44 @@ def without_damage(recording: Recording) -> Recording:
                 rows = velocity[gone, :3]
                 velocity[gone, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[gone, :3])
             notes.append(f"{name}: {damaged.sum()} {'velocity' if damaged.sum() == 1 else 'velocities'} {what}")
-    return replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
+    whole = replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
+    return _without_contact(whole)
+
+
+def _without_contact(recording: Recording) -> Recording:
+    """The record without heave while the vehicle is pressed against the surface, which carries what no row knows.
+
+    There the depth stays at its least, near zero, though the thrust pushes up.
+    """
+    known = np.flatnonzero(np.isfinite(recording.attitude[:, 2]))
+    t, depth = recording.attitude_t[known], recording.attitude[known, 2]
+    commanded = np.isfinite(recording.wrench[:, HEAVE])
+    if len(t) <= 2 * FEWEST_EQUAL or not commanded.any():
+        return recording
+    least = float(np.quantile(depth, 0.01))
+    noise = float(np.std(np.diff(depth, n=2))) / math.sqrt(6.0)
+    within = max(CONTACT_NOISES * noise, CONTACT_m)
+    force = recording.wrench[commanded, HEAVE]
+    up = LaggedThrust(recording.wrench_t[commanded], force, CONTACT_S).force(t) < -CONTACT_PUSH * np.abs(force).max()
+    touching = (np.abs(depth - least) <= within) & up & (abs(least) < SURFACE_m)
+    stretches = [one for one in _runs(touching) if t[one.stop - 1] - t[one.start] >= CONTACT_S]
+    if not stretches:
+        return recording
+    velocity, attitude = recording.velocity.copy(), recording.attitude.copy()
+    for one in stretches:
+        attitude[known[one], 2] = np.nan
+        velocity[(recording.velocity_t >= t[one.start]) & (recording.velocity_t <= t[one.stop - 1]), HEAVE] = np.nan
+    lasts_s = sum(float(t[one.stop - 1] - t[one.start]) for one in stretches)
+    note = (
+        f"heave: {lasts_s:.3g} s at the surface, while the thrust pushes up, are no free motion: {_left(stretches, t)}"
+    )
+    return replace(recording, velocity=velocity, attitude=attitude, assumptions=(*recording.assumptions, note))
+
+
+def _runs(found: Flags) -> list[slice]:
+    """Stretches of samples (n,) that are found, in the order of time."""
+    ends = np.flatnonzero(np.diff(np.concatenate(([0], found.astype(int), [0]))))
+    return [slice(first, end) for first, end in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True)]
 
 
 def _absent(v: Array) -> Iterator[tuple[float, Flags]]:
@@ -191,14 +235,12 @@ def _abrupt(v: Array, far: Flags, least: float) -> Flags:
 
     An axis that mostly rests has a median near zero, and all of a short swing is far from it.
     """
-    ends = np.flatnonzero(np.diff(np.concatenate(([0], far.astype(int), [0]))))
-    runs = list(zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True))
     # Those that stand alone say nothing of the motion beside others; where most do, nor does the rest.
     apart = far if _stand_alone(far) else far & ~_beside(far)
     kept = np.flatnonzero(~apart)
     steps = np.abs(np.diff(np.interp(np.arange(len(v)), kept, v[kept])))
     found = np.zeros(len(v), dtype=bool)
-    for first, end in runs:
+    for first, end in ((one.start, one.stop) for one in _runs(far)):
         leaps = [abs(v[i] - v[j]) for i, j in ((first, first - 1), (end - 1, end)) if 0 <= j < len(v)]
         beside = [steps[max(0, first - 1 - STEPS_BESIDE) : max(0, first - 1)], steps[end : end + STEPS_BESIDE]]
         usual = max((float(np.median(one)) for one in beside if len(one)), default=0.0)
