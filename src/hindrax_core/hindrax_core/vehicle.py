@@ -230,6 +230,11 @@ class Output:
         """Whether something with a mind of its own makes the pulses, at the far end of a line that carries bytes."""
         return self.device in ("stm32", "ardusub")
 
+    @property
+    def looks_s(self) -> float:
+        """Time between two looks at pulses that somebody else makes: a change of them shows up to so late [s]."""
+        return 0.02 if self.device == "ardusub" else 0.0
+
     def __post_init__(self) -> None:
         """A timer without its line would never enable the outputs."""
         if self.enable_line:

@@ -135,6 +135,18 @@ def test_thrust_acts_after_its_lag_and_on_velocities_that_come_late(case: AxisFi
     assert gain == pytest.approx(-9.0 * 0.1 + fading)
 
 
+def test_changes_that_are_seen_late_each_by_its_own_part_of_a_look_have_a_mean_that_is_off(case: AxisFit) -> None:
+    """Simulated: so many changes of one size, each up to 20 ms late, and one small one that does not count."""
+    thrust = array([0.0, *np.cumsum([5.0, -5.0, 5.0, 5.0, -5.0, -5.0, 5.0, -5.0, 0.01])])
+    record = replace(case.record, thrust=Series(array(np.arange(10.0)), thrust))
+    behind = replace(case.vehicle, output=replace(case.vehicle.output, device="ardusub"))
+    late_s = np.random.default_rng(1).uniform(0.0, 0.02, (20_000, 8)).mean(axis=1)
+    seen = replace(case, record=record, vehicle=behind)
+    assert row("looks at the pulses").sigma(seen) == pytest.approx(float(np.std(late_s)), rel=0.02)
+    assert row("looks at the pulses").sigma(replace(case, record=record)) == 0.0
+    assert row("looks at the pulses").sigma(replace(seen, record=replace(record, thrust=NOTHING))) == 0.0
+
+
 def test_what_follows_late_begins_with_each_stretch(case: AxisFit) -> None:
     found, value = case.delayed(0.5), 0.0
     for at, v in enumerate(V.tolist()):
@@ -329,6 +341,7 @@ def test_delays_are_those_of_the_fit(case: AxisFit) -> None:
     grid = case.fit.problem.grid
     assert np.array_equal(row("thrust lag").effect(case), lag_impulse(case.record, grid))
     assert np.array_equal(row("stamps of the record").effect(case), lag_impulse(case.record, grid))
+    assert np.array_equal(row("looks at the pulses").effect(case), lag_impulse(case.record, grid))
     assert np.array_equal(row("latency of the velocity").effect(case), latency_impulse(case.record, grid))
 
 

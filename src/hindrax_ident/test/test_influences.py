@@ -32,7 +32,7 @@ TOLD = ("tether", "fluid memory", "own wake")
 @pytest.fixture(scope="module")
 def flown(vehicle: Vehicle) -> AxisFit:
     """A run of surge without noise and its fit, about which the rows act; the noise comes later."""
-    return flight_of(vehicle, 0, SURGE)
+    return flight_of(replace(vehicle, output=replace(vehicle.output, device="ardusub")), 0, SURGE)
 
 
 @pytest.fixture(scope="module")

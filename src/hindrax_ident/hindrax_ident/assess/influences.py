@@ -82,7 +82,7 @@ IDLING = 10.0
 """Percentile of the effort that is that of idle thrusters."""
 NOT_WEIGHED = AxisGain(load=1.0, sigma=0.0)
 OTHER_AXES = "forces of the other axes"
-LAG, LATENCY, STAMPS = "thrust lag", "latency of the velocity", "stamps of the record"
+LAG, LATENCY, STAMPS, LOOKS = "thrust lag", "latency of the velocity", "stamps of the record", "looks at the pulses"
 GAIN, RUN, MODEL = "gain", "run", "model"
 """Scope of a row: scales all forces; differs in each run, so it belongs to `std`; is missing in the model."""
 
@@ -206,6 +206,17 @@ class AxisFit:
         """
         early_s = -(self.record.lag_s + self.record.latency_s)
         return max(0.0 if self.tuning.stamp_doubt_s is None else self.tuning.stamp_doubt_s, early_s)
+
+    @property
+    def look_sigma_s(self) -> float:
+        """Standard deviation of the time of the thrust, where its changes are seen at the next look only [s].
+
+        Each is late by any part of the time between two looks, and by another part than the next; the mean is in the
+        lag. Changes count by their squares, as in a fit.
+        """
+        power = np.diff(self.record.thrust.y) ** 2
+        share = float(np.linalg.norm(power)) / max(1e-12, float(np.sum(power)))
+        return self.vehicle.output.looks_s * share / math.sqrt(12.0)
 
     @property
     def thrust_doubt(self) -> float:
@@ -672,6 +683,11 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         STAMPS, "s", RUN, lambda case: case.stamp_doubt_s, _lag,
         Remedy("record thrust and velocity with stamps of one clock"), considered=True,
+    ),
+    # Each change of thrust is late by a time of its own, which no common delay of the record is.
+    Influence(
+        LOOKS, "s", RUN, lambda case: case.look_sigma_s, _lag,
+        Remedy("fly it again: more changes of thrust, each late by another time"), considered=True,
     ),
     Influence(
         "current", "m/s", MODEL,

@@ -41,6 +41,7 @@ from hindrax_ident.assess.influences import (
     INFLUENCES,
     LAG,
     LATENCY,
+    LOOKS,
     MODEL,
     NEAR_MODEL,
     OTHER_AXES,
@@ -408,12 +409,12 @@ def _through_delays(found: ScoreTest, rows: Sequence[BudgetRow], judged: Array) 
 
     A force c u that the residuals may not judge changes the delays found by (H_dd + 1)^-1 H_dc u, and these the
     parameters: forces that go with turn rate and speed across can look like a delay of -0.14 s, which looks like half
-    of the mass. Stamps are a delay themselves, and stand for what the residuals cannot correct.
+    of the mass. Stamps and looks are a delay themselves, and stand for what the residuals cannot correct.
     """
     delays = [row.start for row, influence, _ in rows if influence.name in (LAG, LATENCY)]
     hidden = judged == 0.0
     for row, influence, _ in rows:
-        hidden[row] &= influence.name != STAMPS
+        hidden[row] &= influence.name not in (STAMPS, LOOKS)
     if not delays or not hidden.any():
         return found.shifts
     information = found.information[np.ix_(delays, delays)] + np.eye(len(delays))
