@@ -217,6 +217,22 @@ def test_a_kind_that_a_flipped_bit_has_made_costs_one_message(tmp_path: Path) ->
     assert "the file is damaged in 1 place; what is no message there is left out" in found.assumptions
 
 
+@pytest.mark.parametrize(("column", "said"), [(b"GyrX", b"GyqX"), (b"TimeUS,Roll", b"TimdUS,Roll")])
+def test_a_column_that_a_flipped_bit_has_renamed_is_not_zero(column: bytes, said: bytes, tmp_path: Path) -> None:
+    content, file = b"".join(dataflash()), tmp_path / "x.bin"
+    file.write_bytes(content.replace(column, said, 1))
+    found = read(file)
+    rates = found.velocity[np.isfinite(found.velocity[:, 3]), 3:]
+    assert len(rates) == 0 if column == b"GyrX" else rates == pytest.approx(np.tile(RATES, (STEPS, 1)), abs=1e-6)
+
+
+def test_a_kind_whose_values_have_another_type_now_is_damaged(tmp_path: Path) -> None:
+    content, file = b"".join(dataflash()), tmp_path / "x.bin"
+    file.write_bytes(content.replace(b"QBfff\0", b"QBnnn\0"))
+    with pytest.raises(UsageError, match=r"x\.bin: is damaged in \d+ places"):
+        read(file)
+
+
 def test_a_log_without_its_beginning_is_refused_by_name(tmp_path: Path) -> None:
     file = tmp_path / "x.bin"
     file.write_bytes(b"".join(dataflash())[1000:])

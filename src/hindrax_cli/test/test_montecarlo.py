@@ -24,6 +24,7 @@ from hindrax_analysis.identification.montecarlo import (
 )
 from hindrax_cli.command_line import main
 from hindrax_core import errors
+from hindrax_core.errors import HindraxError
 
 
 def trial(seed: int, error: float, std: float = 1.0) -> Trial:
@@ -68,6 +69,12 @@ def test_results_come_in_the_order_of_the_items(workers: int) -> None:
 def test_what_goes_wrong_in_a_worker_is_raised_here(workers: int) -> None:
     with pytest.raises(ValueError, match="negative"):
         list(run_all(math.factorial, [1, -1, 2], workers=workers))
+
+
+def test_a_worker_that_is_killed_is_one_sentence() -> None:
+    """As by a machine without free memory: it was a traceback of the pool."""
+    with pytest.raises(HindraxError, match=r"a process that computed was killed, .* `--workers 1`"):
+        list(run_all(signal.raise_signal, [signal.SIGKILL, signal.SIGKILL], workers=2))
 
 
 def test_one_worker_needs_no_process() -> None:

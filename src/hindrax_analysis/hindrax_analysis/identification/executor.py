@@ -12,6 +12,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from operator import call
 from typing import Any, TypeVar
@@ -121,6 +122,11 @@ def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], worke
     ------
     ResultT
         In the order of the items. Whatever ends the iteration early ends the processes.
+
+    Raises
+    ------
+    HindraxError
+        Where one of the processes was killed from outside.
     """
     context, others = multiprocessing.get_context("spawn"), multiprocessing.active_children()
     with ProcessPoolExecutor(min(workers, max(1, len(items))), context, _begin) as pool:
@@ -129,6 +135,11 @@ def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], worke
                 futures = [pool.submit(work, item) for item in items]
             for future in futures:
                 yield future.result()
+        except BrokenProcessPool as error:
+            raise HindraxError(
+                "a process that computed was killed, as by a machine without free memory; free some, or take "
+                "`--workers 1`, which needs the least"
+            ) from error
         except BaseException:
             # Nobody wants the rest. The pool settles the futures itself: it trips over those that others cancel.
             for one in multiprocessing.active_children():

@@ -107,9 +107,9 @@ def read_starts(path: Path) -> list[ArduPilotLog]:
 @functools.lru_cache(maxsize=2)
 def _read_starts(path: Path, _size: int, _changed_ns: int) -> list[ArduPilotLog]:
     with _complaints() as complaints:
-        starts, messages = _starts(path)
+        starts, messages, strange = _starts(path)
     # Its index and its reader may both name a place.
-    places = len(set(SKIPPED.findall("".join(complaints))))
+    places = len(set(SKIPPED.findall("".join(complaints)))) + strange
     if places > 1 and not messages:
         raise UsageError(
             f"{path}: found no message that is whole, in {places} places: the beginning of a log, which defines its "
@@ -146,30 +146,39 @@ def _complaints() -> Iterator[list[str]]:
         os.close(own)
 
 
-def _starts(path: Path) -> tuple[list[ArduPilotLog], int]:
-    """Starts, and how many messages were read."""
+def _starts(path: Path) -> tuple[list[ArduPilotLog], int, int]:
+    """Starts, how many messages were read, and how many of them are not as their kind is: its definition is damaged."""
     clock = _Clock() if path.suffix.lower() == ".tlog" else None
     starts: list[_Rows] = []
-    messages, others = 0, set[int]()
+    messages, strange, others = 0, 0, set[int]()
     found = _messages(path) if clock is None else _of_one_vehicle(_messages(path), others)
     stamped = (
-        (message, float(message._timestamp) if clock is None else clock.read(message))  # noqa: SLF001  # its name
+        # Of a damaged file, a message before the first with a time has none.
+        (message, float(getattr(message, "_timestamp", math.nan)) if clock is None else clock.read(message))
         for message in found
     )
     for message, at_s in _in_order(stamped):
         messages += 1
-        kind = message.get_type()
-        if kind in PARAMETERS:
-            if math.isfinite(value := _value(message)):  # one that was never set, or a flipped bit
-                _rows_of(starts).parameters[_name(message)] = value
-            continue
-        if math.isnan(at_s):
-            continue
-        if starts and at_s < starts[-1].newest_s - RESTART_S:
-            starts.append(_Rows(dict(starts[-1].parameters)))
-        _rows_of(starts).add(path, kind, message, at_s)
+        try:
+            _take(path, message, at_s, starts)
+        except (AttributeError, TypeError, ValueError):
+            strange += 1
     left_out = tuple(sorted(others))
-    return [ArduPilotLog(one.tables(), one.parameters, left_out) for one in starts if one.found], messages
+    return [ArduPilotLog(one.tables(), one.parameters, left_out) for one in starts if one.found], messages, strange
+
+
+def _take(path: Path, message: Any, at_s: float, starts: "list[_Rows]") -> None:
+    """Add a message to the start that it belongs to; AttributeError, TypeError, ValueError where it lacks a field."""
+    kind = message.get_type()
+    if kind in PARAMETERS:
+        if math.isfinite(value := _value(message)):  # one that was never set, or a flipped bit
+            _rows_of(starts).parameters[_name(message)] = value
+        return
+    if math.isnan(at_s):
+        return
+    if starts and at_s < starts[-1].newest_s - RESTART_S:
+        starts.append(_Rows(dict(starts[-1].parameters)))
+    _rows_of(starts).add(path, kind, message, at_s)
 
 
 def _of_one_vehicle(messages: Iterator[Any], others: set[int]) -> Iterator[Any]:
@@ -235,10 +244,16 @@ class _Rows:
         for quantity, factor, fields in FIELDS[kind]:
             if instance and quantity != "pressure":  # of several barometers the one in the water is found later
                 return
+            # Outputs that a log does not have stand still; what else it lacks is not known.
+            lacking = 0 if quantity == "pulses" else None
+            found = [getattr(message, name, lacking) for name in fields]
+            row = [factor * float(value) for value in found if value is not None]
+            if len(row) < len(fields):
+                continue
             times, rows = self.found.setdefault((quantity, f"{kind} {instance}"), ([], []))
             if not times or at_s > times[-1]:
                 times.append(at_s)
-                rows.append([factor * float(getattr(message, name, 0) or 0) for name in fields])
+                rows.append(row)
             if len(times) > MOST_ROWS:
                 raise UsageError(f"{path}: found more than {MOST_ROWS} of {kind}; cut the log first")
 
