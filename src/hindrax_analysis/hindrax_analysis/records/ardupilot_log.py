@@ -146,6 +146,11 @@ def _complaints() -> Iterator[list[str]]:
         os.close(own)
 
 
+class _Message(Protocol):
+    def get_type(self) -> str:
+        """Name of its kind."""
+
+
 def _starts(path: Path) -> tuple[list[ArduPilotLog], int, int]:
     """Starts, how many messages were read, and how many of them are not as their kind is: its definition is damaged."""
     clock = _Clock() if path.suffix.lower() == ".tlog" else None
@@ -167,7 +172,7 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int, int]:
     return [ArduPilotLog(one.tables(), one.parameters, left_out) for one in starts if one.found], messages, strange
 
 
-def _take(path: Path, message: Any, at_s: float, starts: "list[_Rows]") -> None:
+def _take(path: Path, message: _Message, at_s: float, starts: "list[_Rows]") -> None:
     """Add a message to the start that it belongs to; AttributeError, TypeError, ValueError where it lacks a field."""
     kind = message.get_type()
     if kind in PARAMETERS:
