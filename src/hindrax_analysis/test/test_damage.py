@@ -216,6 +216,19 @@ def test_two_sensors_that_take_turns_are_no_bursts() -> None:
     assert without_damage(record).assumptions == ()
 
 
+@pytest.mark.parametrize("later_s", [0.003, 0.04])
+@pytest.mark.parametrize("trials", [2, 3])
+def test_lines_of_several_trials_are_no_bursts(later_s: float, trials: int) -> None:
+    """Sorted by time, those of two trials looked like bursts of two, and were spread evenly."""
+    part = np.arange(len(T)) % trials
+    t = array(np.repeat(T[::trials], trials)[: len(T)] + later_s / trials * part)
+    mixed = np.choose(part, [moving(), -moving(), 0.5 + 0.2 * moving()])
+    found = without_damage(recorded(array(mixed), t=t))
+    assert f"surge: velocities alternate between {trials} courses" in found.assumptions[0]
+    assert not any("bursts" in one for one in found.assumptions)
+    assert found.velocity_t.tolist() == t.tolist()
+
+
 def test_gaps_are_reported() -> None:
     keep = (T < 20.0) | (T > 32.0)
     whole = recorded(moving())

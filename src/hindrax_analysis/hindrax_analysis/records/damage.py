@@ -46,13 +46,17 @@ SURFACE_m, CONTACT_m, CONTACT_NOISES = 0.5, 0.02, 4.0
 bobs [m], or by how many deviations of the depth's noise."""
 CONTACT_S, CONTACT_PUSH = 1.0, 0.05
 """Least time of a contact, and least mean thrust against it over about as long, in the largest."""
+MIXED = 4.0
+"""Step from one velocity to the next, in steps to the one after the next, above which their lines are mixed."""
 GAP_STEPS, GAP_S = 5.0, 1.0
 """Steps (of the median) and time without any velocity that are a gap."""
 
 
 def without_damage(recording: Recording) -> Recording:
     """The record without what is no measurement; what was found is added to its assumptions."""
-    spread, notes = _with_even_times(recording)
+    notes = _mixed(recording)
+    spread, told = (recording, []) if notes else _with_even_times(recording)
+    notes += told
     velocity = spread.velocity.copy()
     # Forces that hold at the times of the velocities; NaN before the first.
     at = np.searchsorted(spread.wrench_t, spread.velocity_t, side="right")
@@ -246,6 +250,23 @@ def _abrupt(v: Array, far: Flags, least: float) -> Flags:
         usual = max((float(np.median(one)) for one in beside if len(one)), default=0.0)
         found[first:end] = min(leaps) > max(least, STEEP * usual)
     return found
+
+
+def _mixed(recording: Recording) -> list[str]:
+    """Note where velocities alternate between several courses, each of which is smooth: lines of several records.
+
+    A pair of lines at almost one time would seem a burst, and a result would be that of neither record.
+    """
+    for axis, name in enumerate(AXES):
+        v = recording.velocity[np.isfinite(recording.velocity[:, axis]), axis]
+        if len(v) <= 2 * FEWEST_EQUAL:
+            continue
+        step = float(np.median(np.abs(np.diff(v))))
+        for courses in (2, 3):
+            if 0.0 < MIXED * float(np.median(np.abs(v[courses:] - v[:-courses]))) < step:
+                found = f"{name}: velocities alternate between {courses} courses"
+                return [f"{found}, as lines of several trials or sensors, sorted by time: give each by itself"]
+    return []
 
 
 def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:

@@ -77,7 +77,7 @@ Several records of one vehicle are pooled, and the spread between them is shown.
 hold different columns of the same time (one file per topic, as `rostopic echo -p` or PlotJuggler write them) are one
 record. Invalid samples are left out and reported: zeros of a DVL without lock, numbers that stand for none (-32.768),
 values of a frozen or saturated sensor, outliers; velocities that came in bursts, and lines that share the times of a
-coarse clock, are spread evenly.
+coarse clock, are spread evenly; lines of several trials that are mixed are reported.
 
 columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
 names like vx, surge_force or as of PlotJuggler serve too; angles and rates without a unit are in degrees where their
