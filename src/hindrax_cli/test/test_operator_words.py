@@ -5,6 +5,7 @@ import json
 import math
 import re
 import signal
+import socket
 import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -17,7 +18,7 @@ import yaml
 
 from hindrax_analysis.identification.verdict import NextFlight
 from hindrax_bag.run_folder import RunFolder
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import FOLDER, StackLock
 from hindrax_bringup.stack_runner import asked_to_end, startup_text
@@ -409,6 +410,19 @@ def test_a_port_that_the_network_has_is_not_given(tmp_path: Path) -> None:
     assert reported["dvl75"] == "udp://0.0.0.0:27000"
     assert reported["ping1d"] == str(tmp_path / "ports" / "ping1d")
     assert "udp://0.0.0.0:27000: listen there; it accepts commands at port 50000" in mock.table(reported)
+
+
+def test_an_autopilot_is_served_at_the_port_that_is_free(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    reported: dict[str, str] = {}
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        heavy = ["mock", "--vehicle", "bluerov2-heavy", "--folder", str(tmp_path / "ports"), "--autopilot-tcp"]
+        assert main([*heavy, str(port)]) == 1
+        assert f"tcp {port} for a device: Address already in use" in capsys.readouterr().err
+    options, place = MockOptions(rate=1.0), tmp_path / "ports"
+    vehicle = vehicle_file("bluerov2-heavy")
+    mock.serve(vehicle, options, reported.update, lambda: True, place=place, autopilot_tcp=port)
+    assert reported["thrusters"] == f"tcp://127.0.0.1:{port}"
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -136,7 +136,7 @@ class TcpEnd:
                 self._listener = socket.create_server((HERE, self._port))
             except OSError as error:
                 raise HindraxError(
-                    f"tcp {self._port} for a device: {cause(error)}; another mock may have it"
+                    f"tcp {self._port} for a device: {cause(error)}; another mock, or a SITL, may have it"
                 ) from error
             self._listener.setblocking(False)
         elif not in_place:

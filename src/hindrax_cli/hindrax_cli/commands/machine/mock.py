@@ -11,7 +11,7 @@ from hindrax_bag.metadata import try_lock
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end
-from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.up_stop import add_mock_options, mock_options
 from hindrax_core.errors import HindraxError, UsageError, cause
@@ -42,7 +42,14 @@ from hindrax_sim.world import Conditions
         help="the DVL sends by UDP to port 27000 of this machine and listens at 50000",
     ),
     option("--dvl-tcp", action="store_true", help="the A50 of the vehicle serves TCP port 16171 of this machine"),
-    option("--autopilot-tcp", action="store_true", help="its ArduSub serves TCP port 5760 of this machine"),
+    option(
+        "--autopilot-tcp",
+        nargs="?",
+        type=within(int, 1, 65535),
+        const=AUTOPILOT_SERVED,
+        metavar="PORT",
+        help=f"its ArduSub serves a TCP port of this machine; default {AUTOPILOT_SERVED}, as the first simulator there",
+    ),
     add_mock_options,
 )
 def mock(arguments: argparse.Namespace) -> int:
@@ -65,7 +72,7 @@ def serve(
     i2c_device: str | None = None,
     dvl_udp: bool = False,
     dvl_tcp: bool = False,
-    autopilot_tcp: bool = False,
+    autopilot_tcp: int | None = None,
 ) -> None:
     """Serve the devices of a mock vehicle until it is over.
 
@@ -83,8 +90,10 @@ def serve(
         Folder of the ports; None: one of this user's.
     i2c_device
         A file to mount as the bus too; None: none.
-    dvl_udp, dvl_tcp, autopilot_tcp
-        Whether the DVL-75, the A50, or the ArduSub is on the network.
+    dvl_udp, dvl_tcp
+        Whether the DVL-75, or the A50 is on the network.
+    autopilot_tcp
+        TCP port at which the ArduSub is on the network; None: it is not.
 
     Raises
     ------
@@ -92,7 +101,7 @@ def serve(
         For an autopilot where the output of the vehicle is another.
     """
     vehicle = load_vehicle(vehicle_file)
-    if autopilot_tcp and vehicle.output.device != "ardusub":
+    if autopilot_tcp is not None and vehicle.output.device != "ardusub":
         raise UsageError(f"--autopilot-tcp: the output of {vehicle.name} is a {vehicle.output.device}, wanted ardusub")
     faults = [parse_fault(fault, vehicle) for fault in options.faults]
     conditions = Conditions(sizes=sizes_of(options.world, options.seed))
@@ -105,8 +114,8 @@ def serve(
             mock.put_on_network(mount_of(vehicle, Dvl75)[0], UdpEnd())
         if dvl_tcp:
             mock.put_on_network(mount_of(vehicle, A50)[0], TcpEnd())
-        if autopilot_tcp:
-            mock.put_on_network(THRUSTERS, TcpEnd(AUTOPILOT_SERVED))
+        if autopilot_tcp is not None:
+            mock.put_on_network(THRUSTERS, TcpEnd(autopilot_tcp))
         announce(mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device is not None else {}))
         while not over():
             mock.step()

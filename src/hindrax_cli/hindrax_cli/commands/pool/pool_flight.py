@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from hindrax_cli.interrupt import hung_up_alike
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import UsageError
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim
 from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_test
@@ -68,24 +68,20 @@ def _use_autopilot(arguments: argparse.Namespace) -> tuple[str, ...]:
     file, address = Path(arguments.vehicle), arguments.autopilot
     require_address(address)
     measured = bool(load_vehicle(file).measuring("velocity"))
-    asked = arguments.plan or ask_autopilot(file, address, lambda words: _say(f"--autopilot: {words}"))
+    asked = arguments.plan or ask_autopilot(file, address, lambda words: print_stderr(f"--autopilot: {words}"))
     aided = measured and asked
     copy, left_out = behind_autopilot(file, address, aided=aided)
     arguments.vehicle = str(copy)
     if left_out:
-        _say(f"--autopilot: without {', '.join(left_out)}, which are not on its line")
+        print_stderr(f"--autopilot: without {', '.join(left_out)}, which are not on its line")
     if measured and not aided:
-        _say(
+        print_stderr(
             "--autopilot: its estimator claims no velocity (it has none without a DVL or GPS and a compass), so no "
             "motion that needs one can be flown"
         )
     settings = [word for one in arguments.set or () for word in ("--set", str(one))]
     proof = ("--uncommissioned",) if arguments.uncommissioned else ()
     return ("--autopilot", address, "--vehicle", str(file), *proof, *settings)
-
-
-def _say(words: str) -> None:
-    sys.stderr.write(f"{words}\n")
 
 
 def _session(arguments: argparse.Namespace) -> int:
