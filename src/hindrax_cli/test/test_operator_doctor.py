@@ -181,6 +181,15 @@ def test_a_stack_that_is_up_is_asked_instead_of_its_wires() -> None:
     assert pilot.found == "its node sends nothing"
 
 
+def test_a_node_without_wires_is_not_told_to_check_them() -> None:
+    sentence = "leak: water in the hull; surface, disarm and open the hull"
+    found = {"hindrax: pilot": status(b"\x01", sentence), "hindrax: dvl75": status(b"\x02", "has not answered yet")}
+    found["hindrax: dvl75"].values.append(Message(key="rate [Hz]", value="0.0"))
+    _, pilot, dvl = nodes.judged(found, ("pilot", "dvl75"), "vehicle")
+    assert (pilot.found, pilot.remedy) == (sentence, nodes.AS_IT_SAYS)
+    assert "wiring" in dvl.remedy
+
+
 def test_a_stack_of_which_nobody_reports_is_a_problem() -> None:
     (only,) = nodes.judged({}, ("dvl75",), "vehicle")
     assert not only.ok

@@ -354,7 +354,7 @@ def test_a_pool_test_without_its_ports_ends_at_once_and_names_the_mock(
     assert all(mount.port in printed for mount in sensors.values())
     assert str(at_a_desk.parent / "i2c") not in printed
     assert f"wanted all {len(sensors) + 1} ports" in printed
-    assert printed.strip().endswith("or fly without a vehicle: --mock")
+    assert printed.strip().endswith("or fly without one: --mock")
 
 
 def test_ports_that_are_there_but_silent_get_their_time(monkeypatch: pytest.MonkeyPatch, at_a_desk: Path) -> None:

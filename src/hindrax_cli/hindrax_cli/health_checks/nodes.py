@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 LISTEN_S = 4.0
 OFFSET_S = 0.2
 """A request to arm that seems a second old is refused, and a command half a second old."""
+AS_IT_SAYS = "do as it says; the folder logs/ of the run has its log"
 NODES = ("thrusters", "navigator", "estimator_health", "pilot", "allocator", "identifier")
 
 
@@ -127,5 +128,7 @@ def _node(name: str, status: Status | None) -> Check:
     if status.level == b"\x00":
         return Check(name, found)
     trouble = values.get("last trouble", "")
-    remedy = f"last trouble: {trouble}" if trouble and trouble not in found else "check power, wiring and vehicle file"
-    return Check(name, found, remedy)
+    if trouble and trouble not in found:
+        return Check(name, found, f"last trouble: {trouble}")
+    # What measures nothing has no wires, and says itself what to do.
+    return Check(name, found, AS_IT_SAYS if math.isnan(rate) else "check power, wiring and vehicle file")

@@ -57,7 +57,8 @@ def require_ports(vehicle: Vehicle, file: str) -> None:
     if missing:
         raise HindraxError(
             f"{file}: found no {', '.join(missing)} on this machine, wanted all {len(checks)} ports of the vehicle; "
-            "check cable and power (`./hindrax doctor` has the remedy of each), or fly without a vehicle: --mock"
+            "check cable and power (`./hindrax doctor` has the remedy of each), leave out of the file what the vehicle "
+            "does not carry, or fly without one: --mock"
         )
 
 
