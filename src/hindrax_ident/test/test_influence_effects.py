@@ -520,7 +520,21 @@ def test_a_gain_of_the_velocity_scales_every_reading(case: AxisFit) -> None:
     assert found[:, 0] == pytest.approx([V[0], V[3], S[3], S[30]])
     assert row("gain of the velocity").of_readings
     of_ranges = {"speed of sound of the sonar", "angle of sonar and wall", "wander of the heading"}
-    assert {one.name for one in INFLUENCES if one.of_readings} == {"gain of the velocity", *of_ranges}
+    of_velocities = {"gain of the velocity", "filter of the velocity"}
+    assert {one.name for one in INFLUENCES if one.of_readings} == {*of_velocities, *of_ranges}
+
+
+def test_a_filter_that_was_undone_too_far_enlarges_what_changes_and_no_place(case: AxisFit) -> None:
+    found = row("filter of the velocity")
+    assert found.sigma(case) == 0.0
+    filtered = replace(case, record=replace(case.record, smoothing_s=2.0))
+    assert found.sigma(filtered) == pytest.approx(0.1)
+    index, channel = np.array([0, 3, 3, 30]), np.array([0, 0, 1, 0])
+    read = replace(case.fit, problem=replace(case.fit.problem, index=index, channel=channel))
+    apart = 0.5 * (case.v - case.delayed(2.0))
+    effect = found.effect(replace(filtered, fit=read))
+    assert effect[:, 0] == pytest.approx([0.0, apart[3], 0.0, apart[30]])
+    assert abs(apart[30]) > 0.01
 
 
 # ---- coasts

@@ -82,6 +82,8 @@ SAID = {
     "0.03 to 100: check the units of force and velocity, and the vehicle file",
     objection(Code.AT_BOUND, name="k_l", bound=0.0, unit="N s/m", shown="-1.2 +- 0.8"): "k_l is at its bound, 0 N s/m: "
     "the record alone would make it -1.2 +- 0.8 N s/m",
+    objection(Code.SMOOTHED_VELOCITY, smoothing_s=1.04): "the velocity is smoothed, as by a filter of 1 s, which was "
+    "undone: record it as the instrument gives it",
     objection(Code.EVIDENCE, **CAUSE): "evidence of tether (2.5 +- 0.4 N): hold it slack",
     objection(Code.UNEXPLAINED_RESIDUALS, **CAUSE): "no influence explains the residuals; the nearest, tether (2.5 +- "
     "0.4 N), is 12 times the size in a pool: it is part of the uncertainty, but hardly the cause",

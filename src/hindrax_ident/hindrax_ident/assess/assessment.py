@@ -37,6 +37,7 @@ from hindrax_ident.fit.output_error_problem import nearest_start
 from hindrax_ident.fit.plateaus import Plateaus, measure
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
 from hindrax_ident.fit.scores import slow_force_ratio
+from hindrax_ident.fit.smoothing import with_smoothing
 from hindrax_ident.model.model_parameters import (
     OnlineEstimates,
     Prior,
@@ -133,6 +134,7 @@ def draft(
     start = nearest_start(model, record, [*live, prior.values])
     if tuning.lag_doubt_s is not None:
         record, fit = fit_with_delays(record, start, model, prior, tuning.lag_doubt_s)
+        record, fit = with_smoothing(record, fit, model, prior, tuning.lag_doubt_s)
         return DraftFit(record, fit, prior, online, moved=False)
     first = DraftFit(record, refine(model, record, start, prior), prior, online, moved=False)
     return _with_delays(vehicle, first, tuning)
@@ -299,10 +301,17 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         warnings=(
             *_at_bounds(theta, covariance, model.rigid, reported),
             *_other_mass(model, theta, covariance, widened, reported),
-            *(() if any(one.code in CONTRADICTED for one in reasons) else assessment.budget.warnings()),
+            *(() if any(one.code in CONTRADICTED for one in reasons) else _causes(assessment)),
             *_unseen(assessment, reported, drag),
         ),
     )
+
+
+def _causes(assessment: Assessment) -> tuple[Objection, ...]:
+    """Objections to a filter that had smoothed the velocities, and to influences that the record shows."""
+    smoothing_s = assessment.record.smoothing_s
+    filtered = (objection(Code.SMOOTHED_VELOCITY, smoothing_s=smoothing_s),) if smoothing_s > 0.0 else ()
+    return (*filtered, *assessment.budget.warnings())
 
 
 def _corrected(assessment: Assessment, reported: ReportedParameters) -> Array:
@@ -503,6 +512,8 @@ def _quality(assessment: Assessment) -> dict[str, float]:
         "lag_s": assessment.record.lag_s,
         "latency_s": assessment.record.latency_s,
     }
+    if assessment.record.smoothing_s > 0.0:
+        out["smoothing_s"] = assessment.record.smoothing_s
     current, sigma = assessment.budget.found("current")
     if math.isfinite(current):
         out |= {"current_mps": current, "current_sigma_mps": sigma}

@@ -47,6 +47,8 @@ MOST_RUNS = 8
 """Runs of a pooled record that have unknowns of their own, at most: their number is that of the explanations."""
 FOUND_DELAY_S = 0.1
 """Prior standard deviation of a delay that the record gave against the vehicle file."""
+FILTER_SIGMA = 0.05
+"""Standard deviation of the time constant of a filter that was undone, as a share of it (`fit.smoothing`) [-]."""
 INFLOW_mps, INFLOW_N = 0.5, 10.0
 SAG_S = 900.0
 LOSSES = 0.06
@@ -595,6 +597,13 @@ def _velocity_gain(case: AxisFit) -> Array:
     return np.stack([path.v, path.s], axis=1)[problem.index, problem.channel][:, None]
 
 
+def _filter(case: AxisFit) -> Array:
+    """What a filter of the velocities that is undone as one longer by a second adds to them: a share of transients."""
+    problem, time_s = case.fit.problem, case.record.smoothing_s
+    gained = (case.v - case.delayed(time_s)) / time_s
+    return np.where(problem.channel == 0, gained[problem.index], 0.0)[:, None]
+
+
 def _of_ranges(sigma: float) -> Callable[[AxisFit], float]:
     """Of a record of ranges to a wall alone."""
     return lambda case: sigma if case.record.ranged else 0.0
@@ -770,6 +779,10 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "speed of sound of the sonar", "-", GAIN, _of_ranges(0.01), _velocity_gain,
         Remedy("set the sonar's speed of sound for the water"), of_readings=True, considered=True,
+    ),
+    Influence(
+        "filter of the velocity", "s", RUN, lambda case: FILTER_SIGMA * case.record.smoothing_s, _filter,
+        Remedy("record the velocity as the instrument gives it"), of_readings=True, considered=True,
     ),
     Influence(
         # cos(5 deg) is 0.004 below 1: wall, mount and thrust together are hardly better aligned by eye.

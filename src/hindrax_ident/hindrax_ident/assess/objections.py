@@ -64,6 +64,7 @@ class Code(StrEnum):
 
     # ---- warnings: the result holds, and this belongs to it
     AT_BOUND = "at_bound"
+    SMOOTHED_VELOCITY = "smoothed_velocity"
     EVIDENCE = "evidence"
     UNEXPLAINED_RESIDUALS = "unexplained_residuals"
     UNSEEN = "unseen"
@@ -129,6 +130,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.IMPLAUSIBLE_MASS: f"the added mass is {{times:.0f}} times the body's own: {_UNITS}",
     Code.IMPLAUSIBLE_DRAG: f"the drag coefficient is {{found:.2g}}, wanted {{low:g}} to {{high:g}}: {_UNITS}",
     Code.AT_BOUND: "{name} is at its bound, {bound:g} {unit}: the record alone would make it {shown} {unit}",
+    Code.SMOOTHED_VELOCITY: "the velocity is smoothed, as by a filter of {smoothing_s:.2g} s, which was undone: record "
+    "it as the instrument gives it",
     Code.EVIDENCE: "evidence of {influence} ({shown} {unit}): {remedy}",
     Code.UNEXPLAINED_RESIDUALS: "no influence explains the residuals; the nearest, {influence} ({shown} {unit}), is "
     "{times:.0f} times the size in a pool: it is part of the uncertainty, but hardly the cause",

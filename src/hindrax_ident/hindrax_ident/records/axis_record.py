@@ -90,6 +90,8 @@ class Record:
     """Known latency of the stamps of velocity and position; the series have the stamps as received."""
     prior_delays_s: tuple[float, float] = (USUAL_LAG_S, USUAL_LATENCY_S)
     """Lag and latency to expect where a fit is to find both: what is given, also where it is 0, else the usual ones."""
+    smoothing_s: float = 0.0
+    """Time constant of a filter that had smoothed the velocities, and was undone; 0: none."""
     ranged: bool = False
     """Whether the position is a range to a wall: then its scale is that of the sonar and of the wall's angle."""
     supply_measured: bool = False

@@ -1,0 +1,66 @@
+"""Velocities that a filter has smoothed: its time constant is found and undone, and a slow thruster is no filter."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.fit.delay import fit_with_delays
+from hindrax_ident.fit.output_error import OutputErrorFit
+from hindrax_ident.fit.smoothing import unsmoothed, with_smoothing
+from hindrax_ident.model.model_parameters import Prior
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import STEP_S, back_and_forth, fly
+
+SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.0, 27.3]))
+PRIOR = Prior(array(np.array([60.0, 2.0, 0.0, 25.0])), array(np.array([60.0, 30.0, 5.0, 30.0])))
+DOUBT_S = 0.1
+
+
+def smoothed(v: Array, step_s: float, time_s: float) -> Array:
+    """Velocities (n,) behind a first-order filter that begins with the first."""
+    kept, out = math.exp(-step_s / time_s) if time_s else 0.0, [float(v[0])]
+    for one in v[1:].tolist():
+        out.append(one + (out[-1] - one) * kept)
+    return array(np.array(out))
+
+
+def flown(filter_s: float, lag_s: float) -> tuple[Record, OutputErrorFit]:
+    """Record of 30 s at 5 Hz of what a filter has left, and its fit with lags alone."""
+    flight = fly(SURGE, THETA, back_and_forth((4.0, 14.0), 5.0, 30.0), lag_s)
+    v = smoothed(flight.path.v, STEP_S, filter_s)[::40]
+    t, noise = flight.grid.times_s[::40], 0.002 * np.random.default_rng(2).standard_normal(len(v))
+    record = Record(Series(t, array(v + noise)), Series(flight.times_s, flight.commands), (Stretch(0.5, 29.5),))
+    return fit_with_delays(record, PRIOR.values, SURGE, PRIOR, DOUBT_S)
+
+
+def drag(fit: OutputErrorFit) -> float:
+    """Share by which the drag at 0.4 m/s is off."""
+    speeds = np.array([0.4**2, 0.4])
+    return float(fit.theta[:2] @ speeds / (THETA[:2] @ speeds)) - 1.0
+
+
+def test_a_filter_is_found_and_undone() -> None:
+    """Six times the added mass was identified, and an inflow loss that was none."""
+    filter_s = 1.0
+    record, fit = flown(filter_s, 0.1)
+    assert fit.theta[-1] > 1.2 * THETA[-1]
+    found, better = with_smoothing(record, fit, SURGE, PRIOR, DOUBT_S)
+    assert found.smoothing_s == pytest.approx(filter_s, rel=0.1)
+    assert better.theta[-1] == pytest.approx(THETA[-1], rel=0.1)
+    assert abs(drag(better)) < 0.03
+
+
+@pytest.mark.parametrize("lag_s", [0.1, 0.4])
+def test_a_slow_thruster_is_no_filter(lag_s: float) -> None:
+    record, fit = flown(0.0, lag_s)
+    assert with_smoothing(record, fit, SURGE, PRIOR, DOUBT_S) == (record, fit)
+
+
+def test_what_a_filter_did_is_undone_exactly() -> None:
+    v, step_s = array(np.random.default_rng(1).normal(size=50)), 0.1
+    t = array(step_s * np.arange(50))
+    record = Record(Series(t, smoothed(v, step_s, 0.7)), Series(t, v), ())
+    assert unsmoothed(record, 0.7).velocity.y == pytest.approx(v)
