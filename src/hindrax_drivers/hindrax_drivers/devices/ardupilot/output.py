@@ -62,8 +62,11 @@ REPEAT_S, STICKS_S = 0.1, 0.2
 """Time between motor tests without a change (they end after 0.5 s), and between the neutral sticks beside them."""
 PAUSE_S = 10.0
 """What ArduSub asks for after a motor test that has timed out, as every one does that is ended."""
-SEEN_S, ODD_LIMIT, MEMORY_S = 0.7, 4, 1.0
-"""Delay in which what was asked may show; so many samples in a second that nobody here asked for are a stranger's."""
+SEEN_S, ODD_LIMIT, MEMORY_S = 0.7, 4, 3.0
+"""Delay in which what was asked may show; so many samples in this time that nobody here asked for are a stranger's.
+
+An autopilot acts on the sticks that came last before its turn, 50 in a second, as many as ours: of a stranger's, 10 in a
+second, nine in ten may come just before one of ours, and are never seen."""
 STICK_TOLERANCE_us, PULSE_TOLERANCE_us = 8.0, 3.0
 CONFIRMED_S = 2.5
 """Time from an accepted arming by which the heartbeat says so."""
