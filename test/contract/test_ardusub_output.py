@@ -1,5 +1,6 @@
 """The ArduSub output behind no guard, against the emulated firmware: no port, no thread, 5 ms a step."""
 
+import random
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +36,10 @@ class Bench:
         lasts_s: float = 5.0,
         *,
         left_armed: bool = False,
+        loss: float = 0.0,
+        seed: int = 1,
     ) -> None:
+        self.loss, self.random = loss, random.Random(seed)
         self.board = firmware.ArduSub(vehicle.thrusters, now_s=10.0)
         specs = [FaultSpec(fault, ("thrusters",), 5.0, lasts_s)] if fault else []
         self.link = with_faults("thrusters", self.board, specs, 1, 10.0)
@@ -53,7 +57,7 @@ class Bench:
     def take(self, outputs: Iterable[Output]) -> None:
         for one in outputs:
             if isinstance(one, Send):
-                self.to_board += one.data
+                self.to_board += self.lossy(one.data)
             else:
                 self.outputs.append(one)
 
@@ -62,7 +66,7 @@ class Bench:
             self.now = Stamp(self.now + stamp_from_s(STEP_S))
             sent, self.to_board = self.to_board, b""
             self.sent += sent
-            data = self.link.receive(sent, to_s(self.now)) + self.link.step(to_s(self.now))
+            data = self.lossy(self.link.receive(sent, to_s(self.now)) + self.link.step(to_s(self.now)))
             self.on_wire[self.now] = self.wire()
             self.turn += 1
             if not self.alive:
@@ -71,6 +75,10 @@ class Bench:
             self.take(self.device.tick(self.now))
             if self.turn % 4 == 0:
                 self.take(self.device.drive(self.pulses, (), self.now, armed=self.armed))
+
+    def lossy(self, data: bytes) -> bytes:
+        """What arrives: all of it, or nothing."""
+        return b"" if self.random.random() < self.loss else data
 
     def fly(self, *pulses_us: float) -> None:
         """Set up, armed, at some pulses."""
@@ -473,9 +481,29 @@ def streamless(board: firmware.ArduSub) -> None:
     board.unsupported.add(511)
 
 
+class Unheard(dict[str, float]):
+    """Parameters of which one is never answered for."""
+
+    name = ""
+
+    def __contains__(self, key: object) -> bool:
+        return key != self.name and super().__contains__(key)
+
+
+def unheard(name: str) -> Callable[[firmware.ArduSub], None]:
+    def change(board: firmware.ArduSub) -> None:
+        board.parameters = Unheard(board.parameters)
+        board.parameters.name = name
+
+    return change
+
+
 @pytest.mark.parametrize(
     ("change", "lack"),
     [
+        (unheard("SERVO3_FUNCTION"), "it does not answer for SERVO3_FUNCTION, which every ArduSub has; check the link"),
+        (unheard("MOT_5_DIRECTION"), "it does not answer for MOT_5_DIRECTION, which every ArduSub has"),
+        (unheard("FS_PILOT_INPUT"), "it does not answer for FS_PILOT_INPUT, which every ArduSub has"),
         (old, "its release is 4.1.1, whose MANUAL_CONTROL has no pitch and roll, wanted 4.1.2, or 4.5 or later"),
         (unreleased, "its release is 4.2.0, whose MANUAL_CONTROL has no pitch and roll"),
         (unprotected, "its FS_PILOT_INPUT is 0"),
@@ -496,6 +524,15 @@ def test_what_lacks_something_is_refused_by_name(change: Callable[[firmware.Ardu
     assert not bench.device.ready
     assert lack in bench.device.trouble
     assert lack in " ".join(bench.texts())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_link_that_loses_two_fifths_both_ways_makes_no_other_autopilot_of_it(seed: int) -> None:
+    """What was never answered was taken for 0: an output without a motor, a motor that is not turned, no failsafe."""
+    bench = Bench(loss=0.4, seed=seed)
+    bench.run(25.0)
+    assert bench.device.identity, bench.device.trouble
+    assert bench.texts() == []
 
 
 @pytest.mark.parametrize("version", [(4, 1, 2), (4, 5, 0), (4, 7, 0)])

@@ -29,6 +29,8 @@ LATENCY_S = 0.005
 HEARTBEAT_S = 1.0
 ANSWER_S, ATTEMPTS = 0.3, 4
 """Wait for an answer, and how often a request is sent before it counts as unanswered."""
+ATTEMPTS_OF_LOSSY = 16
+"""The same on a link that has lost some: there silence is no sign of what the autopilot does not have."""
 AT_ONCE = 8
 """Parameters that are asked for at the same time."""
 LOST_S = 3.0
@@ -106,6 +108,9 @@ class Link:
         self.foreign: Heartbeat | None = None
         self._left: deque[str] = deque(self._wanted)
         self._asked: dict[str, tuple[Stamp, int]] = {}
+        self._unanswered: list[str] = []
+        self._lossy = False
+        """Whether an answer came to a repeated request only."""
         self._commands: deque[Command] = deque([Command(ardupilot.REQUEST, (ardupilot.VERSION,))])
         self.ask_streams()
         self._sent_at = Stamp(0)
@@ -181,7 +186,10 @@ class Link:
     def _receive(self, message: object, stamp: Stamp) -> bool:
         """Whether a message is an answer to a request of the set-up."""
         if isinstance(message, ParameterValue):
-            known = self._asked.pop(message.name, None) is not None or message.name in self._wanted
+            asked = self._asked.pop(message.name, None)
+            if asked is not None and asked[1] > 1:
+                self._on_loss()
+            known = asked is not None or message.name in self._wanted
             if known:
                 self.parameters[message.name] = message.value
             return known
@@ -195,6 +203,8 @@ class Link:
                 self._commands[0] = replace(self._commands[0], at=stamp)
                 return True
             done = self._commands.popleft()
+            if done.attempt > 1:
+                self._on_loss()
             if message.result != ACCEPTED:
                 self._note(done)
             return True
@@ -204,6 +214,17 @@ class Link:
         """Whether an answer is for a command of this end, not of another ground station."""
         systems, components = (0, GCS_SYSTEM, self.own_system), (0, self._component)
         return answer.target_system in systems and answer.target_component in components
+
+    @property
+    def _attempts(self) -> int:
+        return ATTEMPTS_OF_LOSSY if self._lossy else ATTEMPTS
+
+    def _on_loss(self) -> None:
+        """Ask once more for what was given up before the link was known to lose messages."""
+        if not self._lossy:
+            self._lossy = True
+            self._left += self._unanswered
+            self._unanswered.clear()
 
     def _note(self, command: Command) -> None:
         if command.number == ardupilot.SET_INTERVAL:
@@ -222,8 +243,9 @@ class Link:
         for name, (at, attempt) in list(self._asked.items()):
             if seconds_between(at, stamp) < ANSWER_S:
                 continue
-            if attempt >= ATTEMPTS:
+            if attempt >= self._attempts:
                 del self._asked[name]
+                self._unanswered.append(name)
                 continue
             self._asked[name] = (stamp, attempt + 1)
             yield self.send(ardupilot.read_parameter(name, self.system))
@@ -238,7 +260,7 @@ class Link:
         first = self._commands[0]
         if first.attempt and seconds_between(first.at, stamp) < ANSWER_S:
             return
-        if first.attempt >= ATTEMPTS:
+        if first.attempt >= self._attempts:
             self._note(self._commands.popleft())
             return
         self._commands[0] = replace(first, at=stamp, attempt=first.attempt + 1)

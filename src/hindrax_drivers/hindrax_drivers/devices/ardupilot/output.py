@@ -65,8 +65,9 @@ PAUSE_S = 10.0
 SEEN_S, ODD_LIMIT, MEMORY_S = 0.7, 4, 3.0
 """Delay in which what was asked may show; so many samples in this time that nobody here asked for are a stranger's.
 
-An autopilot acts on the sticks that came last before its turn, 50 in a second, as many as ours: of a stranger's, 10 in a
-second, nine in ten may come just before one of ours, and are never seen."""
+An autopilot acts on the sticks that came last before its turn, 50 in a second, as many as ours: of a stranger's, 10 in
+a second, nine in ten may come just before one of ours, and are never seen.
+"""
 STICK_TOLERANCE_us, PULSE_TOLERANCE_us = 8.0, 3.0
 CONFIRMED_S = 2.5
 """Time from an accepted arming by which the heartbeat says so."""
@@ -91,6 +92,9 @@ PARAMETERS = (
 )
 # Named values (gain, input hold) come by themselves; asked for them, it answers with a text to every station.
 STREAMS = {ardupilot.SERVO_OUTPUT: SERVO_Hz, ardupilot.RC_CHANNELS: STICKS_Hz, ardupilot.SYS_STATUS: 2.0}
+NO_ANSWER = (
+    "it does not answer for {name}, which every ArduSub has; check the link, which loses messages, and try again"
+)
 FILE_OF_LOG = "take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"
 MODES = {
     0: "STABILIZE",
@@ -308,7 +312,9 @@ class ArduSub:
         parameters, motors = self._link.parameters, []
         for thruster in self._vehicle.thrusters:
             output = thruster.channel + 1
-            function = round(parameters.get(f"SERVO{output}_FUNCTION", 0.0))
+            if (asked := f"SERVO{output}_FUNCTION") not in parameters:
+                return NO_ANSWER.format(name=asked)
+            function = round(parameters[asked])
             number = function - FIRST_MOTOR + 1
             if not 1 <= number <= MOST_MOTORS:
                 return (
@@ -316,7 +322,9 @@ class ArduSub:
                     f"{function}, wanted a motor, {FIRST_MOTOR} to {FIRST_MOTOR + MOST_MOTORS - 1}; "
                     f"{self._other_file()}"
                 )
-            sense = -1.0 if parameters.get(f"MOT_{number}_DIRECTION", 1.0) < 0.0 else 1.0
+            if (asked := f"MOT_{number}_DIRECTION") not in parameters:
+                return NO_ANSWER.format(name=asked)
+            sense = -1.0 if parameters[asked] < 0.0 else 1.0
             curve = self._vehicle.curves[thruster.curve]
             table = thrust_table(curve, self._vehicle.supply_V, mirrored=thruster.reversed)
             motors.append(Motor(number, thruster.channel, sense, *table))
@@ -345,11 +353,8 @@ class ArduSub:
             )
         if other := self._find_pushes(frame):
             return other
-        if parameters.get("FS_PILOT_INPUT") == 0.0:
-            return (
-                "its FS_PILOT_INPUT is 0: nothing would stop the thrusters when this computer falls silent; set it to "
-                "2 (disarm)"
-            )
+        if unsafe := self._find_failsafe():
+            return unsafe
         mixer = Mixer(frame, self._motors, parameters.get("MOT_PWM_MIN", 1100.0), parameters.get("MOT_PWM_MAX", 1900.0))
         if mixer.pitches and (version is None or not _has_six_axes(version)):
             return (
@@ -357,6 +362,17 @@ class ArduSub:
                 "4.5 or later; update ArduSub"
             )
         self._mixer = mixer
+        return ""
+
+    def _find_failsafe(self) -> str:
+        """Why nothing would stop the thrusters without us; empty where something does."""
+        if (asked := "FS_PILOT_INPUT") not in self._link.parameters:
+            return NO_ANSWER.format(name=asked)
+        if self._link.parameters[asked] == 0.0:
+            return (
+                "its FS_PILOT_INPUT is 0: nothing would stop the thrusters when this computer falls silent; set it to "
+                "2 (disarm)"
+            )
         return ""
 
     def _others(self, frame: int) -> dict[int, int]:
