@@ -40,13 +40,22 @@ def _about(parser: argparse.ArgumentParser) -> None:
 
 
 @command(
+    "./hindrax benchmark make records --only small-pilot --seeds 7\n"
+    "./hindrax benchmark answer records --method joint\n"
     "./hindrax benchmark score records theirs.json",
     _about,
     option("what", choices=(MAKE, ANSWER, SCORE), help="in this order"),
     option("folder", type=Path, metavar="FOLDER", help="of the records"),
     option("files", type=Path, nargs="*", metavar="JSON", help="score: answers of other tools"),
     option("--method", nargs="+", choices=sorted(METHODS), help="answer: by these; default: all that are installed"),
-    option("--seeds", nargs="+", type=at_least(0), default=[1, 2], metavar="N", help="make: one record of each; 1 2"),
+    option(
+        "--seeds",
+        nargs="+",
+        type=at_least(0),
+        default=[1, 2],
+        metavar="N",
+        help="make: one record of each; default 1 2",
+    ),
     option("--only", default="", metavar="NAME", help="make: records with this in their name, such as small-pilot"),
     add_workers,
     add_json,
@@ -70,6 +79,10 @@ def benchmark(arguments: argparse.Namespace) -> int:
     truth = json.loads((folder / TRUTH).read_text(encoding="utf-8"))
     found = [folder / f"{name}.json" for name in METHODS if (folder / f"{name}.json").is_file()]
     given = {file.stem: read_answers(file) for file in [*found, *arguments.files]}
+    for name, one in given.items():
+        if unknown := sorted(one.keys() - truth.keys()):
+            some = ", ".join(unknown[:3]) + (", ..." if len(unknown) > 3 else "")
+            print_stderr(f"{name}: left out, as {folder} holds no such record: {some}")
     rows = {name: score(truth, one) for name, one in given.items()}
     reference = JOINT if JOINT in given else next(iter(given), "")
     shared = {name: common(truth, given[reference], one) for name, one in given.items() if name != reference}
