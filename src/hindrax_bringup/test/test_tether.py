@@ -51,7 +51,7 @@ def test_names() -> None:
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
-        ("lo", "wanted one as `ip link` names them"),
+        ("lo", "lo leads to no other machine"),
         ("eth0; rm", "wanted one as `ip link` names them"),
         (":192.168.2.1", "wanted one as `ip link` names them"),
         ("averylonginterface", "wanted one as `ip link` names them"),

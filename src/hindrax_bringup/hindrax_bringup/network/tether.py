@@ -54,7 +54,11 @@ def parse_tether(words: str) -> Tether | None:
     if not words:
         return None
     interface, _, listed = words.partition(":")
-    if not re.fullmatch(r"[\w.-]{1,15}", interface, re.ASCII) or interface == "lo":
+    if interface == "lo":
+        raise UsageError(
+            f"tether {words!r}: lo leads to no other machine; without --tether the graph stays on this one"
+        )
+    if not re.fullmatch(r"[\w.-]{1,15}", interface, re.ASCII):
         raise UsageError(f"tether {words!r}: found interface {interface!r}, wanted one as `ip link` names them: eth0")
     peers = tuple(listed.split(",")) if listed else ()
     for peer in peers:
