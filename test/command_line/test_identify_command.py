@@ -59,6 +59,9 @@ DEFINITIONS = {
     "geometry_msgs/msg/PoseStamped": f"{STAMPED}geometry_msgs/Pose pose\n{PARTS}",
     "nav_msgs/msg/Odometry": f"{STAMPED}string child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
     f"geometry_msgs/TwistWithCovariance twist\n{PARTS}",
+    "sensor_msgs/msg/Imu": f"{STAMPED}geometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+    "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+    f"geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n{PARTS}",
     "mavros_msgs/msg/RCOut": f"{STAMPED}uint16[] channels\n{PARTS}",
     "my_msgs/msg/Escs": f"{STAMPED}Set set\nstring mode\n{PARTS}{'=' * 80}\nMSG: my_msgs/Set\nfloat32[] throttle\n",
 }
@@ -605,6 +608,28 @@ def test_a_velocity_that_is_marked_unknown_is_not_used(tmp_path: Path, variance:
     kind = "geometry_msgs/msg/TwistWithCovarianceStamped"
     bag = as_bag(tmp_path / "a.mcap", (kind, "/velocity", "base_link"), end_s=5.0, variance=variance)
     assert np.isfinite(read_bag(bag, TopicSelection(), topics_of(bag))[0].velocity).all() == known
+
+
+def test_rates_that_a_doppler_log_has_not_are_those_of_the_inertial_sensor(tmp_path: Path) -> None:
+    """The zeros of its Twist were taken for rates: yaw "never changes" in a bag that held it."""
+    t, rates = np.arange(0.0, 5.0, 0.02), 0.3 * np.sin(np.arange(0.0, 5.0, 0.02))
+    vectors = {name: dict.fromkeys("xyz", 0.0) for name in ("angular_velocity", "linear_acceleration")}
+    rows = [
+        (at, {
+            "header": header_of(START_S + at, "imu_link"), "orientation": pose_of()["orientation"],
+            **{f"{name}_covariance": [0.0] * 9 for name in ("orientation", *vectors)},
+            **vectors, "angular_velocity": {"x": 0.0, "y": 0.0, "z": rate},
+        })
+        for at, rate in zip(t.tolist(), rates.tolist(), strict=True)
+    ]  # fmt: skip
+    twist = ("geometry_msgs/msg/TwistStamped", "/dvl/twist", "dvl_link")
+    bag = as_bag(tmp_path / "a.mcap", twist, end_s=5.0, extra=[("sensor_msgs/msg/Imu", "/imu", rows)])
+    (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
+    known = np.isfinite(found.velocity[:, 5])
+    assert found.velocity_t[known] == pytest.approx(t, abs=1e-6)
+    assert found.velocity[known, 5] == pytest.approx(-rates)
+    assert np.isfinite(found.velocity[~known, 0]).all()
+    assert "/dvl/twist has no rates: those of /imu" in found.assumptions
 
 
 def test_several_topics_are_ambiguous_until_one_is_named(desk: Desk) -> None:

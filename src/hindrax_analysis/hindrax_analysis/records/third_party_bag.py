@@ -11,6 +11,7 @@ import numpy as np
 
 from hindrax_analysis.records.bag_track import (
     NAMED_VELOCITY_TYPES,
+    UNKNOWN,
     VELOCITY_TYPES,
     WRENCH_TYPES,
     Track,
@@ -35,6 +36,7 @@ from hindrax_ident.arrays import Array, Index, array
 
 FEWEST_MESSAGES = 20
 """Fewer velocities than this between steps back of the stamps are no record."""
+IMU = "sensor_msgs/msg/Imu"
 FRAMES = ("flu", "fsd", "world")
 DOWN_WORDS = {"fsd", "frd", "ned", "sname"}
 """Words in the name of a frame whose z axis points down."""
@@ -115,7 +117,8 @@ def read_bag(
     named = ThrusterValues.named(wanted.wrench)
     possible = tuple({*PULSE_FIELDS, topics[named.topic]} if named.field and named.topic in topics else PULSE_FIELDS)
     wrench = _choose(bag, topics, (WRENCH_TYPES, possible), named.topic, ("force", "--wrench"))
-    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench)}
+    gyros = [name for name, kind in topics.items() if kind == IMU and name not in (velocity, wrench)]
+    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench, *(gyros if len(gyros) == 1 else ()))}
     if named.path(topics[wrench]):
         unit = named.unit or (PULSES if topics[wrench].startswith("mavros_msgs/") else "")
         tracks[wrench].values = replace(named, topic=wrench, unit=unit)
@@ -125,13 +128,15 @@ def read_bag(
             tracks[message.topic].add(message)
         except DamagedMessageError as error:
             damage.skip(str(error), message.received, message.received)
-    for track in tracks.values():
+    for track in (tracks[velocity], tracks[wrench]):
         if not track.received:
             raise UsageError(f"{bag}: none of the messages of {track.topic} can be decoded; record it again")
     parts = _parts(tracks[velocity], tracks[wrench])
     steps = "once" if len(parts) == 2 else f"{len(parts) - 1} times"
     back = [f"the stamps of {velocity} step back {steps}: {len(parts)} records"] if len(parts) > 1 else []
     found = [_recording(bag, v, w, wanted.frame, vehicle) for v, w in parts]
+    if len(parts) == len(gyros) == 1 and not np.nan_to_num(found[0].velocity[:, 3:]).any():
+        found = [_with_rates(found[0], tracks[gyros[0]], wanted.frame, velocity)]
     return [replace(one, assumptions=(*one.assumptions, *back, *damage.sentences)) for one in found]
 
 
@@ -207,6 +212,30 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         assumptions=tuple(axes.notes),
         way_t=way_t,
         way=array(way * signs[:3]),
+    )
+
+
+def _with_rates(record: Recording, gyro: Track, frame: str, velocity: str) -> Recording:
+    """The record with the rates of an inertial sensor, where its topic of velocities has none.
+
+    A Doppler log fills the rates of a Twist with zeros, which nobody has measured.
+    """
+    moving = record.velocity.copy()
+    moving[:, 3:] = UNKNOWN
+    times = [1e-9 * np.array(one, dtype=float) - record.origin_s for one in (gyro.stamped, gyro.received)]
+    there = [t for t in times if len(t) and t[0] < record.end_s and t[-1] > record.begin_s]
+    if not there:
+        return record
+    axes = _FrameChoice(frame if frame != "world" else "", [])
+    rows = np.array(gyro.rows) * _signs_to_sname(gyro, axes)
+    t = np.concatenate([record.velocity_t, there[0]])
+    order = np.argsort(t, kind="stable")
+    notes = (f"{velocity} has no rates: those of {gyro.topic}", *axes.notes)
+    return replace(
+        record,
+        velocity_t=array(t[order]),
+        velocity=array(np.concatenate([moving, rows])[order]),
+        assumptions=(*record.assumptions, *notes),
     )
 
 
