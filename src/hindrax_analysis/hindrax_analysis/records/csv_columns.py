@@ -91,6 +91,16 @@ ORIGINS = frozenset({
     "attitude", "body", "rov", "auv", "vehicle", "robot", "state",
 })  # fmt: skip
 """Words that say where a number is from, not what it is."""
+_AXES_OF_WORLD = "(north|east|down|enu|ned|world|map)"
+OTHERWISE = {
+    re.compile(
+        rf"v[ned]|(.*_)?(v|vel|velocity|speed)(_?[xyz])?_{_AXES_OF_WORLD}"
+    ): "along axes of the world: turn them "
+    "by the attitude into u, v, w of the body, or name places north, east and yaw instead",
+    re.compile(r"(q|quat|quaternion|orientation)_?[wxyz0-3]|.*_orientation_[wxyz]"): "a quaternion: write roll, pitch "
+    "and yaw",
+}
+"""Names of what is recorded in other axes, or in another way, than it is read, and what to do."""
 UNKNOWN = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}
 """Cells without a value."""
 PREAMBLE = 40
@@ -197,6 +207,8 @@ def _meaning(header: str, name_of: Callable[[str], str | None], unit_words: int)
 
 def near_miss(header: str) -> str:
     """Remedy for an ambiguous column header; empty for an unused column."""
+    if any(pattern.fullmatch(_words(header)) for pattern in OTHERWISE):
+        return ""
     before, _, unit = header.strip().rpartition("_")
     for text, suffix in ((header, ""), (before, f"_{unit}")):
         columns = AXES_OF.get(_words(text), {})
@@ -206,6 +218,15 @@ def near_miss(header: str) -> str:
             return f"{header} names no axis: call it {names}{signed}"
     name = _name(before) if before else None
     return f"{header}: the unit {unit!r} is none of {', '.join(UNITS[name])}" if name and not _name(header) else ""
+
+
+def otherwise_recorded(header: Sequence[str]) -> list[str]:
+    """Remedies for columns (`OTHERWISE`) that hold what is wanted in another way, one for each kind of them."""
+    found = {
+        remedy: [cell for cell in header if pattern.fullmatch(_words(cell)) and not meaning_of(cell)]
+        for pattern, remedy in OTHERWISE.items()
+    }
+    return [f"{', '.join(cells)} are {remedy}" for remedy, cells in found.items() if cells]
 
 
 def factor_of(name: str, unit: str, where: str) -> float:

@@ -19,6 +19,7 @@ from hindrax_analysis.records.csv_columns import (
     meaning_of,
     near_miss,
     number,
+    otherwise_recorded,
     rows_of,
     time_of,
 )
@@ -269,7 +270,8 @@ def _hint(names: set[str], header: list[str]) -> str:
     """Remedy for the missing part of a record."""
     if "t" not in names:
         return "; speeds and forces without times are for `./hindrax towing`"
-    misses = [miss for cell in header if not meaning_of(cell) and (miss := near_miss(cell))]
+    misses = otherwise_recorded(header)
+    misses += [miss for cell in header if not meaning_of(cell) and (miss := near_miss(cell))]
     if misses:
         return f"; {'; '.join(misses)}"
     return "" if names & set(FORCES) else f"; forces are missing: name them so, or {OUTPUTS} for {MEANING}"

@@ -65,18 +65,19 @@ GAIN_SIGMA = 0.1
 ALL = "all"
 CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
 ABOUT = """
-Bags of this stack reproduce the numbers of their pool test. In third-party bags (MCAP or sqlite3) velocities are
-found as Odometry, TwistStamped or TwistWithCovarianceStamped, forces as WrenchStamped or Wrench. Body axes follow from
-the name of the frame: *_fsd, *_frd or *_ned point down, and so does a body in a world of such a name; others are
-REP-103 and are turned; --frame overrides. Stamps that step back begin another record. Where --wrench and --odometry
-name them, pulses (UInt16MultiArray, mavros RCOut and the like) become forces by the thrust curves of the vehicle file,
-and poses become velocities.
+Bags of this stack reproduce the numbers of their pool test. In third-party bags (MCAP or sqlite3) velocities are found
+as Odometry, TwistStamped or TwistWithCovarianceStamped (rates that are all zero are those of the only Imu), forces as
+WrenchStamped or Wrench. Body axes follow from the name of the frame: *_fsd, *_frd or *_ned point down, and so does a
+body in a world of such a name; others are REP-103 and are turned; --frame overrides. Stamps that step back begin
+another record. Where --wrench and --odometry name them, pulses (UInt16MultiArray, mavros RCOut and the like) become
+forces by the thrust curves of the vehicle file, and poses become velocities.
 Logs of ArduPilot (.bin, .tlog) and PX4 (.ulg) give velocities and attitude of its estimator and the pulses of the
 outputs, at the logged voltage.
 Several records of one vehicle are pooled, and the spread between them is shown. CSV files one after the other that
 hold different columns of the same time (one file per topic, as `rostopic echo -p` or PlotJuggler write them) are one
 record. Invalid samples are left out and reported: zeros of a DVL without lock, numbers that stand for none (-32.768),
-values of a frozen or saturated sensor, outliers; velocities that came in bursts, and lines that share the times of a
+values of a frozen or saturated sensor, outliers, heave while the thrust presses the vehicle against the surface; a
+filter that has smoothed the velocities is undone; velocities that came in bursts, and lines that share the times of a
 coarse clock, are spread evenly; lines of several trials that are mixed are reported.
 
 columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
