@@ -535,6 +535,14 @@ def test_a_link_that_loses_two_fifths_both_ways_makes_no_other_autopilot_of_it(s
     assert bench.texts() == []
 
 
+def test_no_release_is_waited_for_until_it_answers_for_the_name_that_a_parameter_has_in_another() -> None:
+    """On a link that loses messages that is 5 s, in which nothing can be armed."""
+    bench = Bench()
+    assert {"MAV_GCS_SYSID", "SYSID_MYGCS"} - bench.board.parameters.keys() == {"MAV_GCS_SYSID"}
+    bench.run(0.8)
+    assert bench.device.ready
+
+
 @pytest.mark.parametrize("version", [(4, 1, 2), (4, 5, 0), (4, 7, 0)])
 def test_releases_whose_sticks_have_pitch_and_roll_fly_eight_thrusters(version: tuple[int, int, int]) -> None:
     """4.1.2, the last before 4.5 and long the stable one, got its two axes as well."""

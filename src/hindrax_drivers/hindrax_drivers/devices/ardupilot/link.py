@@ -186,13 +186,7 @@ class Link:
     def _receive(self, message: object, stamp: Stamp) -> bool:
         """Whether a message is an answer to a request of the set-up."""
         if isinstance(message, ParameterValue):
-            asked = self._asked.pop(message.name, None)
-            if asked is not None and asked[1] > 1:
-                self._on_loss()
-            known = asked is not None or message.name in self._wanted
-            if known:
-                self.parameters[message.name] = message.value
-            return known
+            return self._on_parameter(message)
         if isinstance(message, Version):
             self.version = message
             return True
@@ -209,6 +203,20 @@ class Link:
                 self._note(done)
             return True
         return False
+
+    def _on_parameter(self, found: ParameterValue) -> bool:
+        """Whether a value was wanted."""
+        asked = self._asked.pop(found.name, None)
+        if asked is not None and asked[1] > 1:
+            self._on_loss()
+        if found.name in GCS_PARAMETERS:  # the other one is its name in other releases
+            for name in GCS_PARAMETERS:
+                self._asked.pop(name, None)
+            self._left = deque(name for name in self._left if name not in GCS_PARAMETERS)
+        if asked is None and found.name not in self._wanted:
+            return False
+        self.parameters[found.name] = found.value
+        return True
 
     def is_ours(self, answer: CommandAck) -> bool:
         """Whether an answer is for a command of this end, not of another ground station."""
