@@ -85,7 +85,7 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
     shares = tuple(max(0.0, share) for share in SHARES) if arguments.one_way else SHARES
     if arguments.bag:
         return _from_bag(arguments, vehicle, axis)
-    lever = (arguments.lever or 0.0) if arguments.axis == "yaw" else 1.0
+    lever = _lever_m(arguments) if arguments.axis == "yaw" else 1.0
     check_load(vehicle, arguments.axis, arguments.load or 0.0, lever)
     if arguments.mock:
         from hindrax_sim.conditions.world_table import sizes_of  # noqa: PLC0415  # no simulator on the vehicle
@@ -100,6 +100,17 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
     if not arguments.load or (arguments.axis == "yaw" and not arguments.lever):
         raise UsageError(f"{arguments.axis}: wanted --load N{' and --lever M' if arguments.axis == 'yaw' else ''}")
     return _guided(arguments, vehicle, axis, [share * arguments.load * lever for share in shares])
+
+
+def _lever_m(arguments: argparse.Namespace) -> float:
+    """Distance between the two lines that turn the vehicle; UsageError for another one than the mock's."""
+    if not arguments.mock:
+        return arguments.lever or 0.0
+    from hindrax_sim.conditions.hull import APART_m  # noqa: PLC0415  # no simulator on the vehicle
+
+    if arguments.lever not in (None, APART_m):
+        raise UsageError(f"weigh yaw: found --lever {arguments.lever:g}, wanted {APART_m:g} in mock; leave it out")
+    return APART_m
 
 
 def check_load(vehicle: Vehicle, axis: str, weight_N: float, lever_m: float) -> None:
