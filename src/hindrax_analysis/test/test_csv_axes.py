@@ -78,3 +78,22 @@ def test_angles_count_as_their_rates_do() -> None:
     assert found.attitude[:, 1] == pytest.approx(pitch, abs=1e-5)
     assert "pitch is counted against q, and was turned" in found.assumptions
     assert read({"pitch": pitch, "q": rate, "M": PUSH}).attitude[:, 1] == pytest.approx(pitch, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("header", "turned"),
+    [
+        ("t,/odom/twist/twist/linear/z,/thrust/wrench/force/z", True),
+        ("t,field.twist.linear.z,field.wrench.force.z", True),
+        ("t,/odom_ned/twist/twist/linear/z,/thrust_ned/wrench/force/z", False),
+        ("t,/odom/twist/twist/linear/z,Z", False),
+        ("t,w,Z", False),
+    ],
+)
+def test_fields_of_ros_messages_are_in_its_axes_as_in_a_bag(header: str, turned: bool) -> None:
+    """Down and up were swapped in a table of what a bag had right."""
+    (found,) = read_records(f"{header}\n" + "\n".join(f"{0.1 * i},0.2,7.0" for i in range(30)), "x.csv")
+    sign = -1.0 if turned else 1.0
+    assert found.velocity[0, 2] == pytest.approx(0.2 * sign)
+    assert found.wrench[0, 2] == pytest.approx(7.0 * sign)
+    assert any("REP-103" in one for one in found.assumptions) == turned

@@ -105,6 +105,14 @@ def test_forces_are_in_the_axes_of_the_vehicle_file_whatever_the_velocities_are(
     assert found.wrench[0] == pytest.approx(wrench(heavy, PULSES))
 
 
+def test_velocities_of_a_ros_message_beside_outputs_are_turned_and_the_forces_are_not(heavy: Vehicle) -> None:
+    """An Odometry and an RCOut in one table: sway, heave and yaw moved against their thrust."""
+    names = ["t", "/odom/twist/twist/linear/y", *(f"/mavros/rc/out/channels[{n}]" for n in range(8))]
+    found = read(names, [(0.0, 0.1, *PULSES), (1.0, 0.2, *PULSES)], heavy)
+    assert found.velocity[:, 1].tolist() == [-0.1, -0.2]
+    assert found.wrench[0] == pytest.approx(wrench(heavy, PULSES))
+
+
 def test_a_measured_supply_counts_and_is_carried_between_its_rows(heavy: Vehicle) -> None:
     names = ["t", "u", *(f"servo{1 + n}_raw" for n in range(8)), "battery_voltage"]
     rows = [(0.0, 0.1, *PULSES, 15.0), (1.0, 0.2, *PULSES, ""), (2.0, 0.2, *PULSES, 14.0)]

@@ -205,6 +205,13 @@ def _meaning(header: str, name_of: Callable[[str], str | None], unit_words: int)
     return None
 
 
+def is_of_message(header: str) -> bool:
+    """Whether a column is a field of a Twist or Wrench by its path, which says no axes that point down."""
+    words = _words(header).split("_")
+    field = bool({"twist", "wrench"} & set(words)) and bool({"linear", "angular", "force", "torque"} & set(words))
+    return field and not {"ned", "frd", "fsd", "sname"} & set(words)
+
+
 def near_miss(header: str) -> str:
     """Remedy for an ambiguous column header; empty for an unused column."""
     if any(pattern.fullmatch(_words(header)) for pattern in OTHERWISE):

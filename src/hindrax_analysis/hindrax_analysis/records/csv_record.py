@@ -1,7 +1,7 @@
 """CSV records of any origin: the header line names columns and units."""
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from hindrax_analysis.records.csv_columns import (
     check_width,
     factor_of,
     from_one,
+    is_of_message,
     meaning_of,
     near_miss,
     number,
@@ -114,7 +115,9 @@ def read_records(
         forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
         columns |= zip(FORCES, forces.T, strict=True)
     columns, by_angles = in_radians(columns, unnamed, vehicle.inertia if vehicle else ())
-    frame, columns, axes = _axes(columns, frame)
+    # Forces of outputs are in the axes of the vehicle file, whatever those of the velocities are.
+    of_messages = [*(FORCES if outputs else ""), *(meanings[i].name for i in meanings if is_of_message(header[i]))]
+    frame, columns, axes = _axes(columns, frame, of_messages)
     if outputs and frame == "flu":
         # The whole record is turned below, and these are in SNAME axes already.
         columns |= {name: array(sign * columns[name]) for name, sign in zip(FORCES, HALF_TURN.tolist(), strict=True)}
@@ -131,13 +134,21 @@ def read_records(
     return [replace(one, assumptions=assumptions) for one in turned]
 
 
-def _axes(columns: dict[str, Array], named: str) -> tuple[str, dict[str, Array], tuple[str, ...]]:
-    """Frame of all columns, the columns with depths and angles that count as their rates do, and what was assumed."""
+def _axes(
+    columns: dict[str, Array], named: str, of_messages: Collection[str]
+) -> tuple[str, dict[str, Array], tuple[str, ...]]:
+    """Frame of all columns, the columns with depths and angles that count as their rates do, and what was assumed.
+
+    Velocities and forces that all have the names of ROS messages are in its axes, as in a bag.
+    """
     columns, heights = with_depths(columns)
     columns, turned = with_angles(columns)
     shown = frame_by_depth(columns)
-    frame = named or shown or "fsd"
-    how = ", as named" if named else ", by depth and w" if shown else ""
+    told = {name for name in columns if name in (*"uvwpqr", *FORCES)}
+    by_names = "flu" if told and told <= set(of_messages) else ""
+    frame = named or shown or by_names or "fsd"
+    by_ros = ", by the names of ROS messages (REP-103)" if by_names else ""
+    how = ", as named" if named else ", by depth and w" if shown else by_ros
     how += f", but depth and w say {shown}" if named and shown not in ("", named) else ""
     return frame, columns, (f"axes are {AXES_OF[frame]}{how}", *heights, *turned)
 

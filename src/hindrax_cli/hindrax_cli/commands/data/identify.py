@@ -80,9 +80,10 @@ values of a frozen or saturated sensor, outliers, heave while the thrust presses
 filter that has smoothed the velocities is undone; velocities that came in bursts, and lines that share the times of a
 coarse clock, are spread evenly; lines of several trials that are mixed are reported.
 
-columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
-names like vx, surge_force or as of PlotJuggler serve too; angles and rates without a unit are in degrees where their
-size or each other says so; empty cells where a row says nothing; others are ignored):
+columns of a CSV record (SNAME axes, those of ROS for fields of Twist and Wrench, or --frame; SI units, or others in
+the header line such as "u [cm/s]" or t_ms; names like vx, surge_force or as of PlotJuggler serve too; angles and
+rates without a unit are in degrees where their size or each other says so; empty cells where a row says nothing;
+others are ignored):
 """
 
 
