@@ -153,7 +153,7 @@ def test_armed_it_holds_pushes_and_stops(terminal: Terminal) -> None:
     code, printed, wrong = terminal.run("stop")
     assert code == 0, wrong
     assert printed.startswith("stopped and disarmed: hindrax (mock), ROS domain")
-    assert "the thrusters are disarmed (disarmed by request)" in terminal.run("hold", "depth")[2]
+    assert "the thrusters are disarmed (by request)" in terminal.run("hold", "depth")[2]
 
 
 FOREIGN = {

@@ -356,7 +356,7 @@ def test_the_first_reason_of_a_disarming_stands_where_others_came_before_the_nex
 
     bench.when_flying(freeze)
     ended = bench.fly()
-    assert ended == "disarmed: the thrusters were disarmed (the autopilot has fallen silent); arm and fly again"
+    assert ended == "disarmed: the autopilot has fallen silent; arm and fly again"
 
 
 def test_a_flight_whose_autopilot_is_gone_ends_by_that_and_not_by_the_state_that_went_with_it(
@@ -370,14 +370,14 @@ def test_a_flight_whose_autopilot_is_gone_ends_by_that_and_not_by_the_state_that
         bench.state = ThrusterState(reason=f"cannot connect; {LEFT_ARMED}", pulses=[1500.0] * 8)
 
     bench.when_flying(kill)
-    assert bench.fly() == "disarmed: the thrusters were disarmed (cannot connect); arm and fly again"
+    assert bench.fly() == "disarmed: cannot connect; arm and fly again"
 
 
 def test_disarming_ends_it_with_the_thrusters_own_reason(bench: Bench) -> None:
     bench.say_armed(armed=True)
     bench.when_flying(lambda: setattr(bench, "state", DISARMED))
     ended = bench.fly()
-    assert ended == "disarmed: the thrusters were disarmed (output is faulted: no answer); arm and fly again"
+    assert ended == "disarmed: output is faulted: no answer; arm and fly again"
     assert (ended.reason, latest(bench.operator.maneuver).error_code) == (Reason.DISARMED, Reason.DISARMED)
 
 

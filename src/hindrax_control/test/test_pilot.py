@@ -22,7 +22,7 @@ from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation
-from hindrax_core.text.refusals import Reason, Refusal
+from hindrax_core.text.refusals import STILL_ARMED, Reason, Refusal
 from hindrax_core.vehicle import Vehicle
 
 
@@ -144,7 +144,13 @@ def test_a_refusal_is_shown_beside_what_the_hold_states_itself(hovering: Hoverin
 
 
 def test_disarming_ends_a_maneuver_neutral_with_the_reason_and_lets_go_of_its_place(hovering: Hovering) -> None:
-    for unarmed, words in (("", "disarmed"), ("tether cut", "disarmed (tether cut)")):
+    said = {
+        "": "the thrusters give no reason",
+        "tether cut": "tether cut",
+        "disarmed by request": "by request",
+        f"no answer{STILL_ARMED}": "no answer",
+    }
+    for unarmed, words in said.items():
         hovering.fly()
         maneuver = hovering.pilot.fly(Goal(("surge",), on_cancel="hold"))
         hovering.fly()
@@ -153,7 +159,7 @@ def test_disarming_ends_a_maneuver_neutral_with_the_reason_and_lets_go_of_its_pl
         while not maneuver.done:
             assert hovering.fly(armed=False).wrench == ZERO6
         assert maneuver.last is not None
-        assert maneuver.last.aborted == f"disarmed: the thrusters were {words}; arm and fly again"
+        assert maneuver.last.aborted == f"disarmed: {words}; arm and fly again"
         assert maneuver.last.neutral
         hovering.ideal.north += 0.1
         assert hovering.fly().wrench[0] == 0.0

@@ -14,7 +14,7 @@ from hindrax_control.allocation.effectiveness import Matrix, effectiveness, serv
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.sensor_table import Capability
-from hindrax_core.text.refusals import SENSELESS, STILL_ARMED, Reason, Refusal
+from hindrax_core.text.refusals import SENSELESS, STILL_ARMED, Reason, Refusal, without_state
 from hindrax_core.vehicle import AXES, Vehicle
 
 ENDINGS = ("hold", "neutral")
@@ -90,8 +90,8 @@ def no_state(silent_s: float | None, stood_still_s: float, longest_s: float) -> 
 
 def thrusters_disarmed(why: str) -> Refusal:
     """The thrusters were disarmed in flight; `why` by their state, empty where it has no reason."""
-    because = f" ({why.removesuffix(STILL_ARMED)})" if why else ""
-    return Refusal(Reason.DISARMED, f"disarmed: the thrusters were disarmed{because}; arm and fly again")
+    because = without_state(why.removesuffix(STILL_ARMED), "disarmed") or "the thrusters give no reason"
+    return Refusal(Reason.DISARMED, f"disarmed: {because}; arm and fly again")
 
 
 def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:

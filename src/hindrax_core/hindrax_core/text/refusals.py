@@ -142,6 +142,11 @@ STILL_ARMED = f"; {LEFT_ARMED}"
 """The same as it stands there, true for as long as the state of the thrusters has it: no end of a flight repeats it."""
 
 
+def without_state(reason: str, state: str) -> str:
+    """Return why the thrusters are in a state, for a sentence that has named the state: "by request" of "disarmed"."""
+    return reason.removeprefix(f"{state} ")
+
+
 def far_end(state: str, aborted: str) -> FarEnd:
     """The code of what two sentences say, which a message carries without it: why it is disarmed, why it ended."""
     if TAKEN_OVER in aborted:
