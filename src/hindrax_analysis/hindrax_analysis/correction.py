@@ -19,13 +19,16 @@ def what_was_corrected(results: Results, *, remedy: bool = True) -> str:
     Returns
     -------
     str
-        One sentence; empty where nothing of importance was corrected.
+        One sentence; empty where nothing of importance was corrected. A drag that may be zero has no correction: where
+        its motion is refused, that says why, and else it is named.
     """
     if not results.vehicle.losses:
         return "no loss of thrust is corrected: `losses: false` in the vehicle file"
-    known = {name: one.drag.correction for name, one in results.motions.items() if one.drag is not None}
-    shown = [f"{name} {share:+.0%}" for name, share in known.items() if abs(share) >= LEAST_SHARE]
-    if not shown:
-        return ""
-    corrected = f"drag corrected by losses that water may have: {', '.join(shown)}"
-    return f"{corrected}; for a simulator without any, `losses: false` in the vehicle file" if remedy else corrected
+    found = {name: (one.drag.correction, one.identifiable) for name, one in results.motions.items() if one.drag}
+    shown = [f"{name} {x:+.0%}" for name, (x, _) in found.items() if x is not None and abs(x) >= LEAST_SHARE]
+    unknown = [name for name, (share, identifiable) in found.items() if share is None and identifiable]
+    said = [f"drag corrected by losses that water may have: {', '.join(shown)}"] if shown else []
+    said += [f"drag not known well enough to state its correction: {', '.join(unknown)}"] if unknown else []
+    if shown and remedy:
+        said.append("for a simulator without any, `losses: false` in the vehicle file")
+    return "; ".join(said)

@@ -79,6 +79,24 @@ def test_what_was_corrected_and_how_to_say_that_nothing_is(vehicle: Vehicle) -> 
     assert what_was_corrected(simulated) == "no loss of thrust is corrected: `losses: false` in the vehicle file"
 
 
+@pytest.mark.parametrize(
+    ("force", "value", "low", "high"),
+    [(-8e-7, 7e-8, -2.1e-3, 2.1e-3), (20.0, 16.4, -3.0, 36.0), (20.0, -4.0, -6.0, -2.0), (20.0, 41.0, 38.0, 44.0)],
+    ids=["no more than noise", "interval reaches zero", "other direction", "twice the fit"],
+)
+def test_a_drag_that_may_be_zero_has_no_correction(
+    vehicle: Vehicle, force: float, value: float, low: float, high: float
+) -> None:
+    """A rest of 9e-05 rad/s was "corrected by -108%" below the sentence that refuses it."""
+    ends = (array([0.0, one]) for one in (low, high, low, high))
+    drag = DragBand(SPEED, array([0.0, force]), STD, STD, Interval(array([0.0, value]), *ends))
+    assert drag.correction is None
+    refused = replace(SURGE, motion="yaw", drag=drag, identifiable=False)
+    assert what_was_corrected(Results({"yaw": refused}, vehicle)) == ""
+    said = what_was_corrected(Results({"yaw": replace(refused, identifiable=True)}, vehicle), remedy=False)
+    assert said == "drag not known well enough to state its correction: yaw"
+
+
 def test_what_has_no_drag_has_no_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     still = replace(SURGE, drag=None, quality={})
     show_verdicts({"surge": still, "sway": SWAY}, {})

@@ -289,6 +289,7 @@ def test_a_motion_that_alone_contradicts_the_model_does_not_decide_the_water_of_
         patch.setattr(module, "budget_of", lambda case: replace(budget_of(case), evidence=next(said)))
         band = result_of(MOTIONS["surge"], assess(vehicle, drafts, tuning=PLAIN)[0][0]).drag
         assert band is not None
+        assert band.correction is not None
         return band.correction
 
     assert corrected({0: surge, 2: heave}) == pytest.approx(corrected({0: surge}), abs=0.01)

@@ -141,11 +141,18 @@ class DragBand:
         return float(self.force[index]), float(self.std_calibrated[index])
 
     @property
-    def correction(self) -> float:
-        """Change of the force at the highest speed by what is probable of each influence, as a share of it [-]."""
-        fitted = float(self.force[-1])
-        share = self.quoted(-1)[0] / fitted - 1.0 if fitted else 0.0
-        return share if math.isfinite(share) else 0.0
+    def correction(self) -> float | None:
+        """Change of the force at the highest speed by what is probable of each influence, as a share of it [-].
+
+        None where there is no such share: the 95 % interval of the force reaches zero, or the change is as large as the
+        force that was fitted.
+        """
+        if self.corrected is None:
+            return 0.0
+        fitted, one = float(self.force[-1]), self.corrected.at(-1)
+        low, high = one.interval95
+        known = abs(one.value - fitted) < abs(fitted) and (low > 0.0 or high < 0.0)
+        return one.value / fitted - 1.0 if known else None
 
     def to_json(self) -> dict[str, object]:
         """Plain lists."""
