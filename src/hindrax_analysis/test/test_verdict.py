@@ -169,7 +169,7 @@ def test_where_no_step_makes_a_drag_known_it_says_what_the_record_lacks_and_no_s
         (NextFlight(again=("--autopilot", "udpin:0.0.0.0:14550")), "surge", "./hindrax weigh --help"),
         (NextFlight(["--mock"], "ideal"), "surge", "./hindrax pool-test --session --mock --world ideal --dof surge"),
         (NextFlight(), "heave_up", "./hindrax pool-test --session --load 15 --dof heave"),
-        (NextFlight(), "yaw", "./hindrax pool-test --session --load 15 --lever 0.3 --dof yaw"),
+        (NextFlight(), "yaw", "./hindrax pool-test --session --load 15 --lever 0.15 --dof yaw"),
         (
             NextFlight(["--mock"], vehicle="my rov.yaml"),
             "sway",
