@@ -449,6 +449,13 @@ write_environment() {
   } >"$state/environment.sh"
 }
 
+# `hindrax` in a shell that has the environment. The script of setuptools would look for its package in PYTHONPATH, and
+# end in a traceback where the shell has set that to something else since.
+write_launcher() {
+  printf '#!/usr/bin/env bash\n# The tool as in the root of the clone; made by ./hindrax.\nexec %q "$@"\n' "$root/hindrax" \
+    >"$env/bin/hindrax" && chmod +x "$env/bin/hindrax"
+}
+
 sourced_workspace() {
   local underlay=$ros/setup.bash
   has_ros || underlay=$env/local_setup.bash
@@ -485,6 +492,7 @@ make_everything() {
   make_environment
   build_workspace
   write_environment
+  write_launcher
   say "trying it"
   works || {
     forget

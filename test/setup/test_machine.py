@@ -28,6 +28,17 @@ def test_the_first_run_makes_everything_and_the_second_nothing(clone: Clone) -> 
     assert clone.steps() == []
 
 
+def test_in_the_environment_the_tool_starts_whatever_python_path_the_shell_has(clone: Clone) -> None:
+    """The script of setuptools looks for its package there, and ends in a traceback of its own."""
+    clone.run("setup")
+    words = ". .hindrax/environment.sh; PYTHONPATH=/of/another/python hindrax status --json"
+    done = subprocess.run(
+        ["bash", "-c", words], cwd=clone.root, env=clone.environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("the tool got: status --json; ROS is jazzy")
+
+
 def test_progress_goes_to_stderr_with_the_seconds(clone: Clone) -> None:
     outcome = clone.run("setup")
     assert outcome.stdout == ""
