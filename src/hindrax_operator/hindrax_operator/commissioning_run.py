@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.processes import EVERY
-from hindrax_bringup.stack import MockOptions, adopted, environment_beside
+from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_process import StackProcess, UpOptions
 from hindrax_control.commissioning.commissioning import Commissioning
 from hindrax_control.commissioning.findings import Findings
@@ -25,7 +25,7 @@ from hindrax_core.sensor_table import Capability
 from hindrax_core.text.refusals import NOTHING, STOPPED, Reason, Refusal
 from hindrax_core.topics import ALLOCATION, BATTERY, Topic, carriers
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_operator.pool_run import disarmed_at_the_end, interrupted_once, missing_solution
+from hindrax_operator.pool_run import disarmed_at_the_end, in_graph_of, interrupted_once, missing_solution
 from hindrax_operator.snapshot import node_problems
 
 if TYPE_CHECKING:
@@ -80,12 +80,7 @@ def commission_mock(
     up = UpOptions(folder.vehicle, mock, record=True, out=str(folder.path), client="commission in mock", needed=needed)
     report("starting the mock vehicle and the stack")
     with StackProcess(up) as stack:
-        try:
-            entry = stack.entry
-        except HindraxError:  # refused before anything of the run has begun
-            folder.remove()
-            raise
-        with adopted(environment_beside(entry)):
+        with in_graph_of(stack, folder):
             from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
 
             def tick() -> None:

@@ -320,15 +320,40 @@ def fly(
     )
     progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
     with _nothing_kept(flight, folder), StackProcess(up) as stack:
-        try:
-            entry = stack.entry
-        except HindraxError:  # refused before anything of the run has begun
-            folder.remove()
-            raise
-        with adopted(environment_beside(entry)):
+        with in_graph_of(stack, folder):
             _operate(options, flight, stack, progress, act or _fly_motions, arm=arm)
         flight.facts = stack.end()
     return flight
+
+
+@contextlib.contextmanager
+def in_graph_of(stack: StackProcess, folder: RunFolder) -> Iterator[None]:
+    """Be in the graph of a stack that has just been started; the folder of a run that is refused goes.
+
+    Parameters
+    ----------
+    stack
+        Its process.
+    folder
+        Of the run, of which nothing has begun.
+
+    Yields
+    ------
+    None
+        Afterwards the environment is what it was.
+
+    Raises
+    ------
+    HindraxError
+        Why it was refused.
+    """
+    try:
+        entry = stack.entry
+    except HindraxError:
+        folder.remove()
+        raise
+    with adopted(environment_beside(entry)):
+        yield
 
 
 @contextlib.contextmanager
