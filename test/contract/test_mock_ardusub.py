@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import pytest
 
@@ -14,13 +14,15 @@ from hindrax_core.readings import Inertial, Pressure, Reading
 from hindrax_core.signals import AppliedOutput
 from hindrax_core.text.refusals import LEFT_ARMED
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
+from hindrax_drivers.buses.clock import Clock
+from hindrax_drivers.buses.line import Line, open_line
 from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_drivers.devices.ardusub import ArduSub as Sensor
 from hindrax_drivers.nodes.deadman import HUNG_S
 from hindrax_drivers.output import output_ports
 from hindrax_drivers.output.output_guard import OutputGuardKnobs, Pulses, Request, guard_of
 from hindrax_drivers.output.output_host import OutputHost
-from hindrax_drivers.output.output_ports import FOUND_WITHIN_S, LineOutput, Rider
+from hindrax_drivers.output.output_ports import FOUND_WITHIN_S, SERIAL_TURN_S, LineOutput, Rider
 from hindrax_sim.devices.ardupilot import firmware
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
@@ -72,7 +74,7 @@ def test_one_line_carries_thrust_and_what_the_autopilot_measures(tmp_path: Path)
             lambda _stamp, _sent, data: frames["thrusters"].append(data),
             [rider],
         )
-        assert output.set_up().startswith("ArduSub 4.5.1, system 1, driven by MANUAL_CONTROL")
+        assert output.set_up(patient=True).startswith("ArduSub 4.5.1, system 1, driven by MANUAL_CONTROL")
         end = mock.hardware.stamp + stamp_from_s(5.0)
         while mock.hardware.stamp < end:
             output.write(Pulses(AHEAD, ()), armed=True)
@@ -93,19 +95,89 @@ def test_one_line_carries_thrust_and_what_the_autopilot_measures(tmp_path: Path)
 
 
 class Told:
-    """A listener that keeps the reasons."""
+    """A listener that keeps reasons and troubles."""
 
     def __init__(self) -> None:
         self.reasons: list[str] = []
+        self.troubles: list[str] = []
 
     def applied(self, applied: AppliedOutput) -> None:
         self.reasons.append(applied.reason)
 
+    def troubled(self, text: str) -> None:
+        self.troubles.append(text)
+
     def refused(self, *_: object) -> None: ...
     def found(self, _identity: str) -> None: ...
-    def troubled(self, _text: str) -> None: ...
     def deliver(self, _outputs: object) -> None: ...
     def on_idle(self) -> None: ...
+
+
+def lose_first(board: firmware.ArduSub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lose the first answer of the autopilot for each parameter."""
+    asked: set[bytes] = set()
+    send = board._send_parameter
+
+    def answer(name: bytes, channel: Any) -> None:
+        if name in asked:
+            send(name, channel)
+        asked.add(name)
+
+    monkeypatch.setattr(board, "_send_parameter", answer)
+
+
+def test_an_autopilot_that_answers_late_is_no_trouble_and_its_line_is_served_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle, told = behind_ardusub(), Told()
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0) as mock:
+        board = mock.hardware.output
+        assert isinstance(board, firmware.ArduSub)
+        lose_first(board, monkeypatch)
+        monkeypatch.setattr(output_ports, "FOUND_WITHIN_S", 1.0)
+        output = LineOutput(mock.ports["thrusters"], ArduSub(vehicle), Beside(mock), lambda *_: None)
+        host = OutputHost(output, guard_of(vehicle, OutputGuardKnobs(arming_s=0.0)), told)
+        begun = mock.hardware.stamp
+        output.wait(host.turn())
+        turns_s: list[float] = []
+        while not host.ready and seconds_between(begun, mock.hardware.stamp) < 30.0:
+            before = mock.hardware.stamp
+            due = host.turn()
+            turns_s.append(seconds_between(before, mock.hardware.stamp))
+            output.wait(due)
+        assert host.ready
+        assert seconds_between(begun, mock.hardware.stamp) > 1.5
+        assert told.troubles == []
+        assert set(told.reasons[:-1]) == {"the output is not set up yet"}
+        assert max(turns_s) < SERIAL_TURN_S, "who measures on the same line is heard meanwhile"
+        assert host.arm(Request(mock.hardware.stamp, 1)).accepted
+        host.end()
+
+
+def test_a_line_that_breaks_before_the_autopilot_has_answered_all_is_opened_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle, told = behind_ardusub(), Told()
+    opened: list[str] = []
+
+    def opening(path: str, baud: int, clock: Clock) -> Line:
+        opened.append(path)
+        return open_line(path, baud, clock)
+
+    monkeypatch.setattr(output_ports, "open_line", opening)
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0) as mock:
+        output = LineOutput(mock.ports["thrusters"], ArduSub(vehicle), Beside(mock), lambda *_: None)
+        host = OutputHost(output, guard_of(vehicle), told)
+        output.wait(host.turn())
+        assert (host.ready, len(opened)) == (False, 1)
+        host.broken("lost")
+        told.reasons.clear()
+        output.wait(host.turn())
+        assert (host.ready, len(opened), told.reasons) == (False, 2, ["lost"])
+        while not host.ready and mock.hardware.stamp < stamp_from_s(30.0):
+            output.wait(host.turn())
+        assert (host.ready, len(opened), told.troubles) == (True, 2, ["lost"])
+        host.end()
 
 
 def test_the_state_says_that_the_autopilot_is_still_armed_until_it_is_not(tmp_path: Path) -> None:
@@ -176,6 +248,6 @@ def test_an_autopilot_that_lacks_something_is_refused_at_once_and_not_waited_for
         output = LineOutput(mock.ports["thrusters"], ArduSub(behind_ardusub()), Beside(mock), lambda *_: None)
         begin = mock.hardware.stamp
         with pytest.raises(DeviceError, match="its FRAME_CONFIG is 7"):
-            output.set_up()
+            output.set_up(patient=True)
         assert seconds_between(begin, mock.hardware.stamp) < FOUND_WITHIN_S < HUNG_S
         output.close()

@@ -23,10 +23,12 @@ from hindrax_drivers.output.output_guard import (
     RefusedCommand,
     Request,
 )
-from hindrax_drivers.output.output_ports import ThrusterOutput
+from hindrax_drivers.output.output_ports import StillAnsweringError, ThrusterOutput
 from hindrax_drivers.output.output_reasons import NO_REASON, OutputReason, output_reason
 
 SET_UP_AGAIN_S = 0.5
+LOOK_AGAIN_S = 0.1
+"""Time after which an output that has answered, and is not ready yet, is looked at again."""
 CHECK_S = 1.0
 LAST_ATTEMPTS = 3
 
@@ -156,6 +158,11 @@ class OutputHost:
             return
         try:
             identity = self._output.set_up()
+        except StillAnsweringError:
+            # Late is not wrong: the reason stays what it was, and the line is served meanwhile.
+            self._set_up_at = after(self._output.now(), LOOK_AGAIN_S)
+            self._report()
+            return
         except DeviceError as error:
             now = self._output.now()
             self._set_up_at = after(now, SET_UP_AGAIN_S)

@@ -29,6 +29,10 @@ FOUND_WITHIN_S = 2.0
 SERIAL_TURN_S = 0.02
 
 
+class StillAnsweringError(DeviceError):
+    """A device that has answered needs more time: it is late, and nothing is wrong with it."""
+
+
 class RegisterOutput:
     """A PCA9685, and the line that enables it."""
 
@@ -175,6 +179,8 @@ class LineOutput:
         self._path, self._device, self._clock, self._tap = path, device, clock, tap
         self._riders = riders
         self._port: Line | None = None
+        self._asked_on = False
+        """Whether the line was left open for a device that has answered and was not ready yet."""
         self._outputs: list[Output] = []
         self._seen: Stamped[AppliedPulses] | None = None
         self.now = clock.now
@@ -188,13 +194,14 @@ class LineOutput:
         else:
             self._port.wait(soon, meanwhile)
 
-    @property
-    def settling(self) -> bool:
-        """Whether the line is open, and its device has answered but needs more time to become ready."""
-        return self._port is not None and self._device.settling
+    def set_up(self, *, patient: bool = False) -> str:
+        """Open the line and wait for the device to answer; one that has answered is asked on, on the open line.
 
-    def set_up(self) -> str:
-        """Open the line and wait until the device is ready; one that has answered is waited for on the open line.
+        Parameters
+        ----------
+        patient
+            Whether to wait here until one that has answered is ready, or is known not to become so. Who serves the line
+            and what else is on it does not: what sensors there have measured would be late by that.
 
         Returns
         -------
@@ -203,10 +210,13 @@ class LineOutput:
 
         Raises
         ------
+        StillAnsweringError
+            Where it has answered and is not ready yet; serve the line, and call again.
         DeviceError
-            Where it does not answer in time.
+            Where it does not answer in time, or lacks something.
         """
-        if not self.settling:
+        asked_on, self._asked_on = self._asked_on and self._port is not None, False
+        if not asked_on:
             self.close_port()
             self._port = open_line(self._path, self._device.baud, self._clock)
             now = self._clock.now()
@@ -218,10 +228,14 @@ class LineOutput:
         while not self._device.ready:
             if self._device.lack:
                 raise DeviceError(f"{self._path}: {self._device.trouble}")
-            if self._clock.now() >= deadline:
+            if self._device.settling and not patient:
+                self._asked_on = True
+                raise StillAnsweringError(f"{self._path}: {self._device.trouble}")
+            # What an autopilot is asked is asked for a limited number of times: then it is ready, or lacks something.
+            if self._clock.now() >= deadline and not self._device.settling:
                 raise DeviceError(f"{self._path}: {self._device.trouble} (waited {FOUND_WITHIN_S:g} s)")
             try:
-                self.wait(deadline)
+                self.wait(after(self._clock.now(), SERIAL_TURN_S))
                 self._outputs = list(self.serve())
             except DeviceError:
                 self.close_port()
@@ -273,7 +287,9 @@ class LineOutput:
         return self._device.left_armed or (self._port is None and self._device.owned)
 
     def shut_off(self) -> None:
-        """Do nothing: it goes neutral by itself without commands."""
+        """Give up a line that failed before its device was ready; otherwise it goes neutral without commands."""
+        if self._asked_on:  # what it was asked can be answered there no more
+            self.close_port()
 
     def close(self) -> None:
         """Close port and clock."""
@@ -299,7 +315,7 @@ ThrusterOutput: TypeAlias = RegisterOutput | LineOutput | ForceOutput
 
 
 def set_up_patiently(output: ThrusterOutput) -> str:
-    """Set an output up as its node does: an autopilot that has answered is given time for all that it was asked.
+    """Set an output up, where nothing else is to be served: an autopilot that has answered is waited for.
 
     Parameters
     ----------
@@ -316,12 +332,7 @@ def set_up_patiently(output: ThrusterOutput) -> str:
     DeviceError
         Where it does not become ready.
     """
-    try:
-        return output.set_up()
-    except DeviceError:
-        if not (isinstance(output, LineOutput) and output.settling):
-            raise
-        return output.set_up()
+    return output.set_up(patient=True) if isinstance(output, LineOutput) else output.set_up()
 
 
 def open_output(
