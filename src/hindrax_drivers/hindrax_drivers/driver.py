@@ -103,21 +103,32 @@ class SilenceMonitor:
         return [Trouble(stamp, f"{self._name}: {found[0]}, wanted {self._wanted}; {found[1]}")]
 
 
+AWAITED_S = 5.0
+"""From the first reading of a device to its first of another kind, at the most: streams are asked for one after the
+other, and a barometer is looked at before it counts."""
+
+
 class MeasurementMonitor:
     """Which measurement of a device with several does not come, by kinds of readings and what they are for."""
 
     def __init__(self, needed: Mapping[type[Reading], str], stale_s: float) -> None:
         self._needed, self._stale_s = needed, stale_s
         self._last: dict[type[object], Stamp] = {}
+        self._first: Stamp | None = None
 
     def received(self, reading: object, stamp: Stamp) -> None:
         """Note a reading."""
         self._last[type(reading)] = stamp
+        self._first = stamp if self._first is None else self._first
 
     def missing(self, now: Stamp, trouble: str) -> str:
         """What does not come, with the `trouble` that the device has reported last; empty where all come."""
+        # At the start of a device no sensor is suspected of what is only late.
+        awaited = self._first is None or seconds_between(self._first, now) <= AWAITED_S
         for kind, what in self._needed.items():
             last = self._last.get(kind)
+            if last is None and awaited and not trouble:
+                return f"no {what} yet"
             if last is None or seconds_between(last, now) > self._stale_s:
                 since = "yet" if last is None else f"for {seconds_between(last, now):.1f} s"
                 return f"no {what} {since}; {trouble or f'check its sensor of {what}'}"

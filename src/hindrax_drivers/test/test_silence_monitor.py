@@ -50,6 +50,13 @@ def test_a_line_that_is_opened_again_begins_anew(monitor: SilenceMonitor) -> Non
     assert reported(monitor, 123.0) == []
 
 
+def test_a_measurement_that_is_late_at_the_start_suspects_no_sensor() -> None:
+    made = MeasurementMonitor({Inertial: "rates", Pressure: "depth"}, 1.0)
+    for at_s, remedy in ((1.0, ""), (5.0, ""), (9.0, "; check its sensor of depth")):
+        made.received(Inertial((0.0, 0.0, -9.8), (0.0, 0.0, 0.0), 20.0), stamp_from_s(at_s))
+        assert made.missing(stamp_from_s(at_s), "") == f"no depth yet{remedy}"
+
+
 def test_a_measurement_that_does_not_come_is_named_while_the_others_do() -> None:
     made = MeasurementMonitor({Inertial: "rates", Pressure: "depth"}, 1.0)
     for at_s in (1.0, 2.0, 3.0):
