@@ -13,7 +13,7 @@ from hindrax_analysis.testing.browser import browser, browser_at_hand
 from hindrax_control.commissioning.findings import PROVEN, Finding, Findings
 from hindrax_control.maneuver.goal import Goal
 from hindrax_ident.online.aim import Aim, ExperimentGoal
-from hindrax_operator.snapshot import CameraFrame, ManeuverView
+from hindrax_operator.snapshot import CameraFrame, ManeuverView, NodeHealth
 
 PROGRAM = browser_at_hand()
 
@@ -141,6 +141,29 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         seen.wait("document.querySelector('h1').textContent === 'A report'")
         assert seen.run("getComputedStyle(document.querySelector('h1')).color") == "rgb(1, 2, 3)"
         assert seen.run("window.ran") is None, "a report's script must not run with the rights of the page"
+
+
+def test_what_is_wrong_is_on_the_first_screen_of_a_desk_too(tmp_path: Path) -> None:
+    """It moves there at once, but back only after a while: what comes and goes must not move what is pressed."""
+    bottom = "document.getElementById('nodes').getBoundingClientRect().bottom"
+    well = replace(ARMED, health={f"node_{number}": NodeHealth("ok", "well", 20.0) for number in range(10)})
+    wrong = replace(well, health={**well.health, "dvl75": NodeHealth("error", "no answer; check its cable")})
+    with served(tmp_path, well) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
+        seen.open(f"{page.url}#{TOKEN}")
+        for width, height in ((1280, 800), (1024, 768)):
+            seen.look(width, height)
+            seen.wait(f"{text('health')}.includes('node_9')")
+            seen.wait(f"{bottom} > {height}")
+            page.vehicle.shown = wrong
+            seen.wait(f"{text('health')}.includes('check its cable')")
+            assert seen.run(bottom) < height
+            seen.picture(tmp_path / f"wrong-{width}.png")
+            page.vehicle.shown = well
+            seen.wait(f"!{text('health')}.includes('check its cable')")
+            assert seen.run(bottom) < height
+            seen.run("ill_ms -= WRONG_ms")
+        seen.wait(f"{bottom} > {height}")
+        assert not seen.complaints
 
 
 def test_a_commissioning_from_the_page_shows_what_was_found(tmp_path: Path) -> None:

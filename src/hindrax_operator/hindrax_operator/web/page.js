@@ -6,6 +6,9 @@ const SVG = "http://www.w3.org/2000/svg", KEPT_ms = 120000, BEAT_ms = 500, SILEN
 const WIDEST = 5;
 /* Runs that are listed at once; the rest is folded. */
 const RECENT = 5;
+/* Time for which what was wrong stays on the first screen: what comes and goes must not move what is pressed. */
+const WRONG_ms = 20000;
+let ill_ms = -Infinity;
 const past = [], trace = [], courses = {};
 let token = "", last = null, heard_ms = 0, beaten_ms = 0, notified = null, readOnly = null, locked = false, watching = false;
 
@@ -305,15 +308,19 @@ function holds(found) {
 }
 
 const KINDS = {ok: "good", warning: "warn"};
-const health = found => at("health").replaceChildren(...Object.entries(found)
-  .sort(([, a], [, b]) => (a.level === "ok") - (b.level === "ok"))
-  .map(([name, one]) => {
-    const kind = KINDS[one.level] || "bad", line = make("li", undefined, one.level === "ok" ? "" : "wrong");
-    line.append(make("span", one.level === "ok" ? "\u2713 " : "\u2717 ", kind), make("b", name),
-      make("span", (one.rate_Hz === null ? "" : " " + one.rate_Hz.toFixed(0) + "\u00a0Hz") +
-        (one.level === "ok" ? "" : " " + one.message), one.level === "ok" ? "soft" : kind));
-    return line;
-  }));
+function health(found) {
+  if (Object.values(found).some(one => one.level !== "ok")) ill_ms = Date.now();
+  at("nodes").classList.toggle("wrong", Date.now() - ill_ms < WRONG_ms);
+  at("health").replaceChildren(...Object.entries(found)
+    .sort(([, a], [, b]) => (a.level === "ok") - (b.level === "ok"))
+    .map(([name, one]) => {
+      const kind = KINDS[one.level] || "bad", line = make("li", undefined, one.level === "ok" ? "" : "wrong");
+      line.append(make("span", one.level === "ok" ? "\u2713 " : "\u2717 ", kind), make("b", name),
+        make("span", (one.rate_Hz === null ? "" : " " + one.rate_Hz.toFixed(0) + "\u00a0Hz") +
+          (one.level === "ok" ? "" : " " + one.message), one.level === "ok" ? "soft" : kind));
+      return line;
+    }));
+}
 
 function estimates(found) {
   const body = found.map(one => {
