@@ -425,6 +425,9 @@ def test_masses_of_other_axes_err_by_their_own_columns(case: AxisFit) -> None:
     known = replace(case, record=replace(case.record, coriolis_errors=errors))
     assert_effect(known, "masses of other axes", of_commands(*(one.y for one in errors)))
     assert (row("masses of other axes").sigma(case), row("masses of other axes").sigma(known)) == (0.0, 1.0)
+    assert row("masses of other axes").shown(known), "as large as the thrust: the record tells them"
+    small = tuple(Series(one.t, array(1e-4 * one.y)) for one in errors)
+    assert not row("masses of other axes").shown(replace(case, record=replace(case.record, coriolis_errors=small)))
 
 
 def with_others(case: AxisFit, **moved: Array) -> AxisFit:

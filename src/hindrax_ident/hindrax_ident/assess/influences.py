@@ -25,7 +25,7 @@ from hindrax_ident.fit.output_error import OutputErrorFit
 from hindrax_ident.model.motion_model import HORIZONTAL, INCIDENCE, areas_across
 from hindrax_ident.model.simulation import per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
-from hindrax_ident.records.axis_record import Record
+from hindrax_ident.records.axis_record import LEAST_COUPLING, Record
 from hindrax_ident.remedies import (
     COAST,
     DESCRIBE_THRUSTERS,
@@ -760,6 +760,7 @@ INFLUENCES: tuple[Influence, ...] = (
         "masses of other axes", "sigma", RUN,
         lambda case: 1.0 if case.record.coriolis_errors else 0.0, _coriolis,
         Remedy("hold the other axes meanwhile, or fly surge, sway and heave longer in the same run"), considered=True,
+        shown=lambda case: case.record.coupling > LEAST_COUPLING,
     ),
     Influence(
         "tilt of the accelerometer", "rad", RUN,

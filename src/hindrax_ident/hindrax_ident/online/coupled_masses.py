@@ -10,18 +10,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 
-import numpy as np
-
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO_SIGMA
 from hindrax_ident.model.motion_model import rigid_mass
-from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.online.session import Outcome
-from hindrax_ident.records.axis_record import Record
+from hindrax_ident.records.axis_record import LEAST_COUPLING
 
-LEAST_COUPLING = 0.02
-"""Error of the coupling forces, of the thrust (root mean squares), from which the axes are fitted again [-]."""
 STAYS = 0.05
 """Change of a mass, as a share of it, that is none [-]."""
 MOST_PASSES = 4
@@ -45,7 +40,7 @@ def with_found_masses(vehicle: Vehicle, fit_all: Callable[[FoundMasses], Sequenc
         Of the last fit, which is the first where the axes hardly moved together.
     """
     outcomes, masses = fit_all({}), dict[int, tuple[float, float]]()
-    if not any(coupling(one.record) > LEAST_COUPLING for one in _assessed(outcomes).values()):
+    if not any(one.record.coupling > LEAST_COUPLING for one in _assessed(outcomes).values()):
         return outcomes
     for _ in range(MOST_PASSES):
         found = _found(vehicle, _assessed(outcomes))
@@ -71,14 +66,3 @@ def _found(vehicle: Vehicle, assessments: Mapping[int, Assessment]) -> dict[int,
         if one.fit.converged and sigma < USUAL_MASS_RATIO_SIGMA * rigid:
             found[axis] = mass, sigma
     return found
-
-
-def coupling(record: Record) -> float:
-    """Error of the forces by motion along other axes, of the thrust, within the stretches (root mean squares) [-]."""
-    driven = [record.thrust.between(one.start_s, one.end_s) for one in record.stretches]
-    thrust = np.concatenate([one.y for one in driven]) if driven else np.zeros(0)
-    if not np.any(thrust):
-        return 0.0
-    at_s = np.concatenate([one.t for one in driven])
-    squares = [LaggedThrust(one.t, one.y, 0.0).force(at_s) ** 2 for one in record.coriolis_errors]
-    return math.sqrt(sum(float(np.mean(one)) for one in squares) / float(np.mean(thrust**2)))

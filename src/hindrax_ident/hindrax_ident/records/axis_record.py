@@ -52,6 +52,10 @@ def series(points: list[tuple[float, float]]) -> Series:
     return Series(table[last, 0], table[last, 1])
 
 
+LEAST_COUPLING = 0.02
+"""Coupling of a record (`Record.coupling`) from which its axes moved together: each tells the others' masses [-]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Stretch:
     """A span of time with one motion, in which every sample may be used."""
@@ -96,6 +100,20 @@ class Record:
     """Whether the position is a range to a wall: then its scale is that of the sonar and of the wall's angle."""
     supply_measured: bool = False
     """Whether the supply voltage behind the thrust was measured all the time; else it was assumed."""
+
+    @property
+    def coupling(self) -> float:
+        """Error of the forces by motion along other axes, of the thrust, within the stretches (root mean squares) [-].
+
+        By the deviations of the masses of the other axes. Above `LEAST_COUPLING` the record tells these masses.
+        """
+        driven = [self.thrust.between(one.start_s, one.end_s) for one in self.stretches]
+        thrust = np.concatenate([one.y for one in driven]) if driven else EMPTY
+        if not np.any(thrust):
+            return 0.0
+        at_s = np.concatenate([one.t for one in driven])
+        squares = [LaggedThrust(one.t, one.y, 0.0).force(at_s) ** 2 for one in self.coriolis_errors]
+        return math.sqrt(sum(float(np.mean(one)) for one in squares) / float(np.mean(thrust**2)))
 
     def within(self, span: Stretch) -> tuple[Series, Series]:
         """Velocities and positions measured within a span."""
