@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
 from hindrax_ident.arrays import Array, array, largest
 from hindrax_ident.records.axis_record import PhaseLog, Stretch
@@ -54,6 +55,25 @@ def test_spans_stay_spans() -> None:
     """Records apart in time: neither is joined to the other."""
     halves = (Stretch(0.0, 35.0), Stretch(45.0, 120.0))
     assert spans(flown((0, 20.0, 60.0, 30.0)), 0, halves) == [(20, 35), (45, 62)]
+
+
+def test_an_axis_that_is_flown_for_a_hundredth_of_a_day_has_that_time_alone() -> None:
+    """The 98th percentile of its thrust is what holds it."""
+    t = array(np.arange(0.0, 1000.0, 0.1))
+    wrenches = np.zeros((len(t), 6))
+    wrenches[:, 0] = 30.0 * np.where((t // 2.5) % 2, -1.0, 1.0)
+    wrenches[:, 3] = 0.03 * np.where((t // 0.7) % 2, -1.0, 1.0)
+    flown_now = (t >= 300.0) & (t < 312.0)
+    wrenches[flown_now, 0] = 0.0
+    wrenches[flown_now, 3] = 3.0 * np.where((t[flown_now] // 2.0) % 2, -1.0, 1.0)
+    (only,) = excited_stretches((Stretch(0.0, 1000.0),), t, array(wrenches), 3)
+    assert (only.start_s, only.end_s) == pytest.approx((300.0, 312.0), abs=2.5)
+
+
+def test_a_thrust_outside_of_the_spans_is_no_measure_of_those_within() -> None:
+    wrenches = flown((0, 10.0, 30.0, 3.0), (0, 60.0, 90.0, 300.0), (1, 10.0, 120.0, 20.0))
+    parts = (Stretch(0.0, 50.0), Stretch(100.0, 120.0))
+    assert spans(wrenches, 0, parts) == [(10, 31)]
 
 
 def test_a_record_of_maneuvers_is_divided() -> None:

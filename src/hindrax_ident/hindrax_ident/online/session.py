@@ -36,7 +36,7 @@ from hindrax_ident.model.model_parameters import OnlineEstimates, crossed, one_s
 from hindrax_ident.model.motion_model import MOTIONS, Model, Motion, model_of, motions_of, rigid_mass
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
-from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, usable
+from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, unbroken, usable
 from hindrax_ident.records.excited_time import excited_stretches
 from hindrax_ident.tuning import Tuning
 
@@ -293,9 +293,11 @@ class Session:
         plateaus = tuple(self._log.stretches(names, ("plateau",), self._now_s))
         kept = axis_session.record((), plateaus, masses or self._estimated_masses({}))
         spans = self._log.stretches(names, phases, self._now_s, JOIN_S)
-        if self._log.undivided:
-            spans = excited_stretches(spans, *axis_session.wrenches, axis)
         measured = kept.velocity.t if len(kept.velocity) else kept.position.t
+        if self._log.undivided:
+            # A thrust whose motion was not measured is no measure of the others.
+            seen = [one for span in spans for one in unbroken(span, measured, tuning.gap_s)]
+            spans = excited_stretches(seen, *axis_session.wrenches, axis)
         if axis < 2 and not len(kept.velocity):
             tuning = replace(tuning, stretch_s=min(tuning.stretch_s, LONGEST_WAY_S))
         return kept.with_stretches(usable(spans, measured, kept.thrust, tuning))

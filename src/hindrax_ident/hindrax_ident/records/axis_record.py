@@ -286,10 +286,20 @@ def usable(spans: Sequence[Stretch], measured: Array, thrust: Series, tuning: Tu
     times = measured[fresh]
     pieces: list[Stretch] = []
     for span in spans:
-        inside = times[(times >= span.start_s) & (times <= span.end_s)]
-        for run in np.split(inside, np.flatnonzero(np.diff(inside) > tuning.gap_s) + 1):
+        for run in _runs(span, times, tuning.gap_s):
             pieces += _cut(run, tuning.stretch_s)
     return tuple(pieces)
+
+
+def unbroken(span: Stretch, measured: Array, gap_s: float) -> list[Stretch]:
+    """Parts of a span in which no pause between measurements (n,) [s] is longer than `gap_s`."""
+    return [Stretch(float(run[0]), float(run[-1])) for run in _runs(span, measured, gap_s) if len(run) > 1]
+
+
+def _runs(span: Stretch, measured: Array, gap_s: float) -> list[Array]:
+    """Times (n,) [s] within a span, apart where they pause."""
+    inside = measured[(measured >= span.start_s) & (measured <= span.end_s)]
+    return np.split(inside, np.flatnonzero(np.diff(inside) > gap_s) + 1)
 
 
 def _cut(times: Array, longest_s: float) -> list[Stretch]:

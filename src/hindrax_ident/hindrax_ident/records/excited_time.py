@@ -50,7 +50,7 @@ def excited_stretches(spans: Sequence[Stretch], t: Array, wrenches: Array, axis:
     """
     if not len(t) or not spans:
         return list(spans)
-    own = _excitations(t, wrenches, axis, spans[-1].end_s)
+    own = _excitations(t, wrenches, axis, spans)
     parts = [
         Stretch(max(span.start_s, one.start_s), min(span.end_s, one.end_s))
         for span in spans
@@ -64,11 +64,12 @@ def _duration(spans: Sequence[Stretch]) -> float:
     return sum(one.end_s - one.start_s for one in spans)
 
 
-def _excitations(t: Array, wrenches: Array, axis: int, end_s: float) -> list[Stretch]:
-    """Spans of time with thrust beyond that at rest, with what belongs to them."""
-    times = np.arange(t[0], max(end_s, t[-1]) + GRID_S, GRID_S)
+def _excitations(t: Array, wrenches: Array, axis: int, spans: Sequence[Stretch]) -> list[Stretch]:
+    """Times with thrust beyond that at rest, with what belongs to them; how large it is, the spans say alone."""
+    times = np.arange(t[0], max(spans[-1].end_s, t[-1]) + GRID_S, GRID_S)
     means = np.stack([_mean_thrust(t, one, times) for one in wrenches.T], axis=1)
-    most = array([largest(one) for one in means.T])
+    inside = np.any([(times >= one.start_s) & (times <= one.end_s) for one in spans], axis=0)
+    most = array([_largest(one) for one in means[inside].T])
     of_kind = np.repeat([most[:3].max(), most[3:].max()], 3)
     shares = np.divide(means, most, out=np.zeros_like(means), where=most > IDLE_AXIS * of_kind)
     own = means[:, axis] / max(1e-12, float(most[axis]))
@@ -76,6 +77,12 @@ def _excitations(t: Array, wrenches: Array, axis: int, end_s: float) -> list[Str
     acts: Flags = (own > STRONG) | ((own > WEAK) & (own > others))
     runs = np.split(times[acts], np.flatnonzero(np.diff(times[acts]) > PAUSE_S) + 1)
     return [Stretch(float(run[0]) - AROUND_S, float(run[-1]) + AROUND_S) for run in runs if len(run)]
+
+
+def _largest(mean: Array) -> float:
+    """Largest of mean thrusts (n,) that lasts as long as an excitation must: in a day, one may be a hundredth of it."""
+    lasts = round(SHORTEST_EXCITATION_S / GRID_S)
+    return max(largest(mean), float(np.partition(mean, -lasts)[-lasts]) if len(mean) > lasts else 0.0)
 
 
 def _mean_thrust(t: Array, thrust: Array, at_s: Array) -> Array:
