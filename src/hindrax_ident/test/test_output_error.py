@@ -178,6 +178,22 @@ def test_a_start_that_diverges_is_replaced_by_the_prior(fit: OutputErrorFit) -> 
         _feasible_start(problem, unknown, path, white, Prior(diverging, PRIOR.sigmas))
 
 
+def test_a_stretch_that_contradicts_the_others_is_named_and_not_the_units(fit: OutputErrorFit) -> None:
+    """A force that overflows has no motion, whatever the drag; the other stretch has one."""
+    grid, path = fit.problem.grid, fit.linear.path
+    impulse = grid.impulse.copy()
+    impulse[grid.times_s > 10.05] = 1e300
+    broken = replace(fit.problem, grid=replace(grid, impulse=impulse))
+    white, unknown = whitener_of(broken, THETA, path, Noise(1e-4, 1.0)), array(np.full(4, math.nan))
+    with pytest.raises(
+        ValueError, match=r"in 1 of the 2 stretches of the record, the first from 10\.1 to 20 s"
+    ) as some:
+        _feasible_start(broken, THETA, path, white, PRIOR)
+    assert "units" not in str(some.value)
+    with pytest.raises(ValueError, match="check their units and signs"):
+        _feasible_start(broken, unknown, path, white, Prior(unknown, PRIOR.sigmas))
+
+
 def test_a_search_ends_where_it_began_when_it_began_at_the_end(fit: OutputErrorFit) -> None:
     linear, theta, converged = _descend(fit.problem, fit.theta, fit.linear.path, fit.whitener, PRIOR)
     assert converged

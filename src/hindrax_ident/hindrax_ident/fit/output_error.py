@@ -38,7 +38,7 @@ from hindrax_ident.fit.scatter import BLOCK_S, scatter_inflation
 from hindrax_ident.fit.whitening import Noise, Whitener
 from hindrax_ident.model.model_parameters import Prior, newton_step
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.simulation import Trajectory
+from hindrax_ident.model.simulation import Grid, Trajectory, trajectory
 from hindrax_ident.records.axis_record import Record
 
 STEPS, MANY_STEPS = 40, 200
@@ -335,9 +335,25 @@ def _feasible_start(
             begun = restarted(problem, linear, np.zeros(len(theta)))
             again = linearize(problem, theta, begun, white, refinements=refinements)
             return theta, again or linear
-    raise ValueError(
-        "no motion follows from its forces with any usual drag: check their units and signs and the vehicle file, "
-        "or fly it while the other axes are held"
+    raise ValueError(_why_none(problem, prior.values))
+
+
+def _why_none(problem: OutputErrorProblem, theta: Array) -> str:
+    """Why no motion follows from the forces: in all stretches, or in some that contradict the others."""
+    grid, none = problem.grid, "no motion follows from its forces with any usual drag"
+    begins = np.flatnonzero(grid.starts)
+    off = []
+    for begin, end in zip(begins.tolist(), [*begins[1:].tolist(), len(grid.times_s)], strict=True):
+        part = slice(begin, end)
+        across = grid.across[part] if isinstance(grid.across, np.ndarray) else grid.across
+        alone = Grid(grid.times_s[part], grid.starts[part], grid.impulse[part], across)
+        if trajectory(problem.model, theta, alone, Trajectory(problem.guess.v[part], problem.guess.s[part])) is None:
+            off.append((float(alone.times_s[0]), float(alone.times_s[-1])))
+    if not 0 < len(off) < len(begins):
+        return f"{none}: check their units and signs and the vehicle file, or fly it while the other axes are held"
+    return (
+        f"{none} in {len(off)} of the {len(begins)} stretches of the record, the first from {off[0][0]:.4g} to "
+        f"{off[0][1]:.4g} s; from the others it does: leave that time out, or fly it while the other axes are held"
     )
 
 
