@@ -44,6 +44,7 @@ from hindrax_ident.online.coupled_masses import FoundMasses, with_found_masses
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.records.feed import Feed
+from hindrax_ident.records.turned_over import notes_on_turns
 from hindrax_ident.tuning import Tuning
 
 APART_S = 1000.0
@@ -137,7 +138,9 @@ def open_sources(paths: Sequence[Path], wanted: TopicSelection, vehicle: Vehicle
                 has, lacks = ("forces", "velocities") if len(recording.wrench_t) else ("velocities", "forces")
                 beside = f"name the file with the {lacks} of the same time beside it"
                 raise UsageError(f"{source.path}: holds {has} alone; {beside}")
-            sources[index] = replace(source, recording=without_damage(recording))
+            whole = without_damage(recording)
+            notes = notes_on_turns(whole.attitude_t, whole.attitude)
+            sources[index] = replace(source, recording=replace(whole, assumptions=(*whole.assumptions, *notes)))
     return sources
 
 

@@ -21,6 +21,7 @@ from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objec
 from hindrax_ident.model.motion_model import motions_of
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.online.record_session import SOURCE, finite_wrench
+from hindrax_ident.records.turned_over import is_turned_over
 from hindrax_ident.tuning import Tuning, for_foreign_records
 
 FEWEST_VELOCITIES = 20
@@ -324,7 +325,8 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     recording
         Velocities, wrenches and attitudes of one record.
     axis
-        Index, 0 to 5: rows whose wrench along it is not known are left out.
+        Index, 0 to 5: rows whose wrench along it is not known are left out, and its motion while its model does not
+        hold (`turned_over`).
     begin_s : [s]
         Time of the record's origin among the events.
 
@@ -338,17 +340,28 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     forces = zip(recording.wrench_t.tolist(), recording.wrench.tolist(), strict=True)
     parts += [(t, 0, Thrust(finite_wrench(wrench))) for t, wrench in forces if math.isfinite(wrench[axis])]
     known = np.isfinite(recording.velocity).any(axis=1)
-    rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
+    holds, tilt_holds, way_holds = (
+        ~is_turned_over(axis, recording.attitude_t, recording.attitude, t)
+        for t in (recording.velocity_t, recording.attitude_t, recording.way_t)
+    )
+    velocity = recording.velocity.copy()
+    velocity[~holds, axis] = np.nan
+    rows = zip(recording.velocity_t[known].tolist(), velocity[known].tolist(), strict=True)
     ways = recording.way[:, axis] if axis < 3 else NO_TIMES
     placed = bool(np.isfinite(ways).any())
     # Of all axes: motion along the others causes forces on this one.
     source = DERIVED if placed else SOURCE
     parts += [(t, 3, Velocity((u, v, w, p, q, r), source)) for t, (u, v, w, p, q, r) in rows]
     if placed:
-        there = zip(recording.way_t.tolist(), recording.way.tolist(), strict=True)
+        there = zip(recording.way_t[way_holds].tolist(), recording.way[way_holds].tolist(), strict=True)
         parts += [(t, 2, Way((x, y, z), SOURCE)) for t, (x, y, z) in there]
     measured = placed or bool(np.isfinite(recording.velocity[:, axis]).any())
-    for t, (roll, pitch, depth) in zip(recording.attitude_t.tolist(), recording.attitude.tolist(), strict=True):
+    attitude = recording.attitude.copy()
+    if axis == 3:  # the integral of a rate goes on beyond half a turn
+        turned = np.isfinite(attitude[:, 0])
+        attitude[turned, 0] = np.unwrap(attitude[turned, 0])
+    tilts = zip(recording.attitude_t[tilt_holds].tolist(), attitude[tilt_holds].tolist(), strict=True)
+    for t, (roll, pitch, depth) in tilts:
         if axis == 2 and not measured and math.isfinite(depth):
             parts.append((t, 2, Attitude((NAN, NAN, NAN), depth)))
         elif axis not in (2, 5) and (math.isfinite(roll) or math.isfinite(pitch)):

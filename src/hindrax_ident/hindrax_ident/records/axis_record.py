@@ -292,7 +292,22 @@ def usable(spans: Sequence[Stretch], measured: Array, thrust: Series, tuning: Tu
 
 
 def unbroken(span: Stretch, measured: Array, gap_s: float) -> list[Stretch]:
-    """Parts of a span in which no pause between measurements (n,) [s] is longer than `gap_s`."""
+    """Cut a span where measurements pause.
+
+    Parameters
+    ----------
+    span
+        Of one motion.
+    measured : (n,) [s]
+        Times of the measurements.
+    gap_s : [s]
+        Longest pause that does not cut.
+
+    Returns
+    -------
+    list[Stretch]
+        Each from one measurement to another.
+    """
     return [Stretch(float(run[0]), float(run[-1])) for run in _runs(span, measured, gap_s) if len(run) > 1]
 
 
