@@ -4,6 +4,7 @@ import math
 import random
 import struct
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -201,6 +202,21 @@ def test_a_log_with_many_flipped_bits_is_refused_in_one_sentence(
     with pytest.raises(UsageError, match=r"x\.bin: is damaged in \d+ places, with \d+ messages .* again$"):
         read(file)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(("source", "scale"), [(1.0, 9800.0 / (1025.0 * 9.80665)), (2.0, 1.0)])
+def test_a_descent_is_counted_in_the_water_of_the_vehicle_file(source: float, scale: float, tmp_path: Path) -> None:
+    """In sea water an autopilot that knows of fresh water has 2.5 % too much; its range finder (2) has not."""
+    told = {"BARO_SPEC_GRAV": 1.0, "EK3_SRC1_POSZ": source}
+    parameters = b"".join(packed("PARM", 1_000_000, name.encode(), value) for name, value in told.items())
+    file, sea = tmp_path / "x.bin", replace(ROV, water=replace(ROV.water, density_kgpm3=1025.0))
+    file.write_bytes(b"".join(dataflash()) + parameters)
+    found = read(file, sea)
+    moved = found.velocity[np.isfinite(found.velocity[:, 0]), :3]
+    world = moved @ np.array(matrix(ATTITUDE)).T
+    north, east, down = NORTH_EAST_DOWN
+    assert world == pytest.approx(np.tile([north, east, scale * down], (STEPS, 1)), abs=1e-3)
+    assert any("vertical velocities are scaled by 0.975" in one for one in found.assumptions) == (scale != 1.0)
 
 
 def test_a_kind_that_a_flipped_bit_has_made_costs_one_message(tmp_path: Path) -> None:
