@@ -152,7 +152,7 @@ NEITHER = (
         (["weigh", "roll", "--load", "10"], "invalid choice"),
         (["weigh", "surge", "--load", "40"], "surge: found a load of 40 N, wanted less than the 35.6 N that its"),
         (["weigh", "heave", "--load", "500", "--mock"], "heave: found a load of 500 N, wanted less than the 62.1 N"),
-        (["weigh", "yaw", "--load", "90", "--mock"], "yaw: found a load of 13.5 N m, wanted less than the "),
+        (["weigh", "yaw", "--load", "300", "--mock"], "yaw: found a load of 45 N m, wanted less than the "),
         (["weigh", "yaw", "--mock", "--lever", "0.3"], "weigh yaw: found --lever 0.3, wanted 0.15 in mock; leave it"),
         (["weigh", "yaw", "--load", "90", "--lever", "0.5"], "found a load of 45 N m, wanted less than the "),
         (["allocate", "--wrench", *"000000", "--vehicle", "/no.yaml"], "/no.yaml: cannot be read (No such file or"),

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.delay import fit_with_delays, search_delay
@@ -96,6 +95,8 @@ def with_smoothing(
         return one.error if one else none.error
 
     if low < high:
+        from scipy.optimize import minimize_scalar  # noqa: PLC0415  # slow, and only records of other stacks need it
+
         minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": CLOSE, "maxiter": MOST_CLOSER})
     best = min(all_tried, key=lambda one: one.error)
     try:
