@@ -147,6 +147,11 @@ def without_state(reason: str, state: str) -> str:
     return reason.removeprefix(f"{state} ")
 
 
+def state_and_reason(state: str, reason: str) -> str:
+    """Return a state of the thrusters and why they are in it, where that is known: "disarmed (by request)"."""
+    return f"{state} ({without_state(reason, state)})" if reason else state
+
+
 def far_end(state: str, aborted: str) -> FarEnd:
     """The code of what two sentences say, which a message carries without it: why it is disarmed, why it ended."""
     if TAKEN_OVER in aborted:

@@ -24,7 +24,7 @@ from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_core.text.refusals import NOTHING, Reason, Refusal, received, without_state
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal, received, state_and_reason
 from hindrax_drivers.output.output_guard import WORTH_ANOTHER_TRY as ASK_AGAIN
 from hindrax_drivers.output.output_guard import ArmingPhase
 from hindrax_drivers.output.output_reasons import OutputReason, from_sentence
@@ -361,8 +361,7 @@ class Operator:
     def _thruster_state(self) -> str:
         if self.thrusters is None:
             return "a message from the thrusters"
-        found = self.thrusters
-        return f"the thrusters, which are {found.state} ({without_state(found.reason, found.state)})"
+        return f"the thrusters, which are {state_and_reason(self.thrusters.state, self.thrusters.reason)}"
 
     def fly(self, goal: Goal | ExperimentGoal, seconds: float) -> tuple[Refusal, str]:
         """Fly motions to their end, or have the identifier run an experiment. Ctrl-C cancels.
@@ -436,9 +435,7 @@ class Operator:
             return received(self.maneuver.error_code, self.maneuver.aborted)
         now, found = "the thrusters are silent", self.thrusters
         if found is not None:
-            now = f"the thrusters are {found.state}" + (
-                f" ({without_state(found.reason, found.state)})" if found.reason else ""
-            )
+            now = f"the thrusters are {state_and_reason(found.state, found.reason)}"
         text = f"link: no status of the maneuver for {MANEUVER_LOST_S:.0f} s, and {now}; {FLY_AGAIN}"
         return Refusal(Reason.LINK, text)
 

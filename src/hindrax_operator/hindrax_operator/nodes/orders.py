@@ -16,7 +16,7 @@ from hindrax_core.events import after
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import wrapped
 from hindrax_core.signals import ZERO6
-from hindrax_core.text.refusals import received, without_state
+from hindrax_core.text.refusals import received, state_and_reason
 from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
 from hindrax_msgs.msg import (
     AllocationStatus,
@@ -66,8 +66,8 @@ def require_armed(operator: Operator) -> None:
     """HindraxError unless the thrusters are armed and nothing is being flown."""
     found = awaited_thrusters(operator)
     if not found.armed:
-        why = without_state(found.reason, found.state)
-        raise HindraxError(f"the thrusters are {found.state} ({why}), wanted armed; `./hindrax arm` first")
+        now = state_and_reason(found.state, found.reason)
+        raise HindraxError(f"the thrusters are {now}, wanted armed; `./hindrax arm` first")
     operator.pause(0.3)
     require_obedience(operator)
     if operator.flying:
