@@ -39,6 +39,15 @@ class RunFolder:
             with contextlib.suppress(OSError):  # another run came into it
                 one.rmdir()
 
+    @contextlib.contextmanager
+    def unless_refused(self) -> Iterator[None]:
+        """Remove the folder where what the block asks for is refused: nothing of its run has begun."""
+        try:
+            yield
+        except HindraxError:
+            self.remove()
+            raise
+
 
 def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = FREE_BYTES_WANTED) -> RunFolder:
     """Create the folder of a run, with a copy of the vehicle file in it.

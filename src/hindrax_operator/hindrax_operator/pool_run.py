@@ -153,11 +153,8 @@ def run_pool_test(options: PoolOptions) -> int:
     plan = planned(slowed(vehicle) if proof.slow else vehicle, options)
     mock = options.mock is not None
     folder = make_run_folder(options.out, options.vehicle_file)
-    try:
+    with folder.unless_refused():
         BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
-    except HindraxError:
-        folder.remove()
-        raise
     with Progress(headless=options.headless) as progress:
         progress.report(f"{vehicle.name} {servable}")
         progress.report(proof.text)
@@ -347,11 +344,8 @@ def in_graph_of(stack: StackProcess, folder: RunFolder) -> Iterator[None]:
     HindraxError
         Why it was refused.
     """
-    try:
+    with folder.unless_refused():
         entry = stack.entry
-    except HindraxError:
-        folder.remove()
-        raise
     with adopted(environment_beside(entry)):
         yield
 
