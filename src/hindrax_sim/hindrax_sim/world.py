@@ -8,6 +8,7 @@ from hindrax_core.events import NS_PER_S, Stamp, seconds_between, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Quaternion, Vec3, Vec6
 from hindrax_core.rotation import minus
+from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import WITHIN, Mount, Vehicle
 from hindrax_sim.conditions.world_table import realize
 from hindrax_sim.physics.geometry import euler, plus, quaternion, rotate, rotate_back, unit
@@ -17,7 +18,6 @@ from hindrax_sim.physics.pool import PoolWalls
 from hindrax_sim.physics.thruster import thruster_A
 
 GUST_PERIOD_S = 0.1
-NO_WRENCH: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 ARMS_m = 0.05
 """So much deeper than afloat, hands that hold a vehicle pull with twice what it weighs in the water."""
 GRAZING_rad = math.radians(45.0)
@@ -89,7 +89,7 @@ def carried(vehicle: Vehicle) -> tuple[Influence, ...]:
         nonlocal held
         held = held and not any(plant.targets_N)
         if not held:
-            return NO_WRENCH
+            return ZERO6
         force_N = vehicle.net_buoyancy_N * (1.0 + max(0.0, plant.z - afloat_z) / ARMS_m)
         x, y, z = rotate_back(plant.quaternion, down)
         return (force_N * x, force_N * y, force_N * z, 0.0, 0.0, 0.0)

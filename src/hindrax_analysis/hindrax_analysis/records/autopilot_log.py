@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hindrax_analysis.records.ardupilot_log import Quantity, Tables, claimed, read_starts
+from hindrax_analysis.records.ardupilot_log import ArduPilotLog, Quantity, Tables, claimed, read_starts
 from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.recording import Recording, wrenches_of_pulses
 from hindrax_control.allocation.thrust_curve import SERVO_US
@@ -90,12 +90,13 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
         notes = ["the file is damaged; what pyulog could not read is left out"] if damaged else []
     else:
         logs = read_starts(path)
+        file = logs[0] if logs else ArduPilotLog()  # what is told of all starts alike
         scales = [_descent_scale(one.parameters, vehicle) for one in logs]
         starts = [_with_descent(one.tables, scale) for one, scale in zip(logs, scales, strict=True)]
-        systems = ", ".join(str(number) for number in (logs[0].others if logs else ()))
+        systems = ", ".join(str(number) for number in file.others)
         notes = [f"messages of other vehicles (MAVLink system {systems}) are left out"] if systems else []
-        if places := logs[0].damaged if logs else 0:
-            where = "1 place" if places == 1 else f"{places} places"
+        if file.damaged:
+            where = "1 place" if file.damaged == 1 else f"{file.damaged} places"
             notes.append(f"the file is damaged in {where}; what is no message there is left out")
         if scaled := [scale for scale in scales if scale != 1.0]:
             notes.append(
