@@ -204,6 +204,9 @@ def test_a_weighing_that_a_guard_ends_costs_its_gain_and_not_the_session(monkeyp
     gain, seconds, remark = lockstep_session.weigh_in_lockstep(vehicle, "surge", "pool", 4)
     assert (gain, seconds) == (None, 20.0)
     assert remark == "hold with +1: found 50 wrenches and 0 velocities in 20 s, wanted 40 and 2"
+    ended = replace(flight, aborted="weigh surge: disarmed")
+    monkeypatch.setattr(lockstep_session, "fly_weighing", lambda *_: ended)
+    assert lockstep_session.weigh_in_lockstep(vehicle, "surge", "pool", 4) == (None, 20.0, "weigh surge: disarmed")
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,18 @@ def test_in_mock_it_finds_what_the_thrusters_lack_and_keeps_it(
     assert COMMENT in vehicle_file.read_text(encoding="utf-8")
 
 
+def test_a_load_at_which_a_guard_disarms_is_named_with_what_the_guard_found(
+    vehicle_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It said that in neither direction the thrust had carried 30 % of the load, and to look for walls."""
+    monkeypatch.setattr(weigh, "SHARES", (0.0, 1.0))
+    monkeypatch.setattr(weighing_flight, "SETTLE_S", 15.0)
+    assert main(["weigh", "yaw", "--mock", "--load", "40", "--one-way", "--vehicle", str(vehicle_file)]) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "hindrax weigh: yaw: disarmed " in said
+    assert "of the load, wanted all loads held; take a smaller load (divergence: it does not turn as " in said
+
+
 def test_only_an_enter_after_the_question_states_that_a_load_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
     keyboard, terminal = os.openpty()
     with os.fdopen(terminal, encoding="utf-8") as typed:

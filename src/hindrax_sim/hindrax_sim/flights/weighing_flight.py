@@ -8,7 +8,7 @@ from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.pilot import Pilot
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import Allocation, IdentEvent, Navigation, Phase, Thrust, Velocity
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_sim.conditions.hull import KnownLoad
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
@@ -51,6 +51,8 @@ class WeighingPilot:
         self._last = Stamp(0)
         self.spans: list[tuple[Stamp, Stamp, float]] = []
         """When a measurement begins and ends, and the share of the load that hangs."""
+        self.disarmed_s = math.nan
+        """When the stack disarmed by itself, after it was armed; NaN: it did not."""
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
         """Decide on the next order: hold everything, and change the load when its time is over.
@@ -63,7 +65,7 @@ class WeighingPilot:
         Returns
         -------
         LockstepCommand
-            Finished after the last load.
+            Finished after the last load, and where the stack has disarmed: as beside a pool nobody arms it again.
         """
         stamp = navigation.stamp
         self._first = self._first or stamp
@@ -76,7 +78,9 @@ class WeighingPilot:
                     self.pilot.set(Setpoint(axis, value=level.get(axis, math.nan)))
         elapsed_s = seconds_between(self._started_at, stamp) if self._started_at else 0.0
         at, within_s = divmod(elapsed_s, SETTLE_S + HOLD_S)
-        finished = at >= len(self._shares)
+        if self._started_at and not armed:
+            self.disarmed_s = elapsed_s
+        finished = at >= len(self._shares) or not math.isnan(self.disarmed_s)
         if self.load is not None and not finished:
             share = self._shares[int(at)]
             most = RAMP_per_s * seconds_between(self._last, stamp) if self._last else 1.0
@@ -90,10 +94,11 @@ class WeighingPilot:
 
 @dataclass(frozen=True, slots=True)
 class WeighingFlight:
-    """Record; begin and end of each measurement, and its load on the axis [N, N m]."""
+    """Record; begin and end of each measurement, and its load on the axis [N, N m]; why it ended before the last."""
 
     events: list[Stamped[IdentEvent]]
     spans: list[tuple[Stamp, Stamp, float]]
+    aborted: str = ""
 
 
 def fly_weighing(vehicle: Vehicle, axis: int, world: str, seed: int, shares: Sequence[float]) -> WeighingFlight:
@@ -130,4 +135,13 @@ def fly_weighing(vehicle: Vehicle, axis: int, world: str, seed: int, shares: Seq
         elif isinstance(reading, Navigation):
             nu = (*reading.velocity_mps, *reading.rate_radps)
             events.append(Stamped(event.stamp, Velocity(nu, "navigation")))
-    return WeighingFlight(events, [(begin, end, share * load.level[axis]) for begin, end, share in pilot.spans])
+    aborted = ""
+    if not math.isnan(pilot.disarmed_s):
+        why = "; ".join(step.onboard.unhealthy) or step.onboard.reason
+        aborted = (
+            f"{AXES[axis]}: disarmed {pilot.disarmed_s:.0f} s after it was armed, at {load.share:+.0%} of the load, "
+            f"wanted all loads held; take a smaller load ({why})"
+        )
+    return WeighingFlight(
+        events, [(begin, end, share * load.level[axis]) for begin, end, share in pilot.spans], aborted
+    )

@@ -96,6 +96,8 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
         print_stderr(f"world of the mock: {arguments.world} ({OTHER_WORLD}), seed {arguments.seed}")
         with working(f"holding {arguments.axis} in lock-step against each load"):
             flight = fly_weighing(vehicle, axis, world, arguments.seed, shares)
+        if flight.aborted:
+            raise HindraxError(flight.aborted)
         return holds_of(flight.events, axis, [LoadSpan(*one) for one in flight.spans])
     if not arguments.load or (arguments.axis == "yaw" and not arguments.lever):
         raise UsageError(f"{arguments.axis}: wanted --load N{' and --lever M' if arguments.axis == 'yaw' else ''}")

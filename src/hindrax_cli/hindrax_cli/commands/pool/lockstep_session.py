@@ -56,6 +56,8 @@ def weigh_in_lockstep(
     flight = fly_weighing(vehicle, number, f"{world},{mock_load(axis)}", seed, shares)
     spans = [LoadSpan(*one) for one in flight.spans]
     seconds = 1e-9 * (spans[-1].end - spans[0].begin) if spans else 0.0
+    if flight.aborted:
+        return None, seconds, flight.aborted
     # A hold that a guard ended is too short to cut out, as beside a pool.
     gain, reason = gain_or_reason(lambda: weighed(holds_of(flight.events, number, spans), number, vehicle))
     return gain, seconds, reason
