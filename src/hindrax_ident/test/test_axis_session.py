@@ -11,13 +11,13 @@ from hindrax_core.signals import NAN, Thrust
 from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.model.coriolis import Masses
+from hindrax_ident.model.coriolis import Masses, VelocityHistory
 from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of, unit_wrench
 from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
-from hindrax_ident.records.axis_record import Series, Stretch
+from hindrax_ident.records.axis_record import Series, Stretch, about_samples, between_samples
 from hindrax_ident.tuning import Tuning
 
 LEVEL = (0.0, 0.0, 0.0)
@@ -218,11 +218,37 @@ def test_a_motion_along_its_own_axis_alone_is_no_news(vehicle: Vehicle, axis: in
         session.motion(t_s, nu(own, others), MASSES)
     assert [t for t, _ in estimator.of("known")] == [2.0, 4.0]
     record = session.record((), (), MASSES)
-    assert record.coriolis.t.tolist() == [2.0, 4.0]
+    assert record.coriolis.t.tolist() == [1.0, 2.0, 3.0, 4.0], "what stays as it was has been measured, too"
+    assert record.coriolis.y[1] == record.coriolis.y[2]
     # Its own velocity has no part in it.
     still = begun(vehicle, axis)[0]
     still.motion(2.0, nu(0.0, 0.2), MASSES)
-    assert still.record((), (), MASSES).coriolis.y[0] == pytest.approx(float(record.coriolis.y[0]))
+    assert still.record((), (), MASSES).coriolis.y[0] == pytest.approx(float(record.coriolis.y[1]))
+
+
+def test_forces_by_motion_across_are_those_of_their_time_and_not_of_the_sample_before(vehicle: Vehicle) -> None:
+    """A DVL that measures three times a second beside a gyroscope: in between, speed goes on as it went."""
+    session, _ = begun(vehicle, 1)
+    history = VelocityHistory(1.0)
+    for k in range(200):
+        t_s = 0.02 * k
+        u = 0.2 * t_s if k % 16 == 0 else NAN
+        history.update(t_s, (u, NAN, NAN, NAN, NAN, 0.3))
+        session.motion(t_s, history.at(t_s), MASSES, history.measured_at(t_s))
+    record = session.record((), (), MASSES)
+    at_s = array(np.linspace(0.5, 3.5, 7))
+    force = -MASSES.values[0] * 0.2 * at_s * 0.3
+    assert about_samples(record.coriolis).force(at_s) == pytest.approx(force, abs=0.011 * MASSES.values[0] * 0.2 * 0.3)
+    # Its impulse between any two samples is that of straight lines.
+    wanted = -MASSES.values[0] * 0.2 * 0.3 * 0.5 * (3.0**2 - 1.0**2)
+    assert float(np.diff(record.known_impulse(array(np.array([1.0, 3.0]))))[0]) == pytest.approx(wanted)
+
+
+def test_a_pause_between_samples_is_no_line() -> None:
+    t = array(np.arange(10.0))
+    sparse = array(np.array([NAN, 2.0, NAN, 4.0, NAN, NAN, NAN, NAN, 1.0, NAN]))
+    assert between_samples(t, sparse, 2.0).tolist() == [0.0, 2.0, 3.0, 4.0, 4.0, 4.0, 0.0, 0.0, 1.0, 1.0]
+    assert between_samples(t, array(np.full(10, NAN)), 2.0).tolist() == [0.0] * 10
 
 
 def test_fast_velocities_are_averaged_and_only_one_source_counts(vehicle: Vehicle) -> None:

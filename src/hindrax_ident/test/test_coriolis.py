@@ -65,6 +65,8 @@ def test_an_old_velocity_is_not_used() -> None:
     assert not motions.update(0.9, (NAN,) * 6)
     assert motions.at(1.0) == (0.3, 0.0, 0.1, 0.0, 0.0, 0.0)
     assert motions.at(1.1) == (0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    assert [axis for axis, value in enumerate(motions.measured_at(0.8)) if value == 0.1] == [2]
+    assert not any(math.isfinite(value) for value in motions.measured_at(1.0))
 
 
 SURGE_mps, HEAVE_PER_Nm, LAG_S = 0.1, 0.05, 0.15

@@ -112,6 +112,11 @@ class VelocityHistory:
         self._jumped[axis] = math.nan if near else value
         return near
 
+    def measured_at(self, t_s: float) -> Vec6:
+        """Velocities that were accepted at this very time [m/s, rad/s]; NaN of the other axes."""
+        u, v, w, p, q, r = (x if s == t_s else math.nan for x, s in zip(self._nu, self._measured_s, strict=True))
+        return (u, v, w, p, q, r)
+
     def at(self, t_s: float) -> Vec6:
         """Velocities of all axes [m/s, rad/s]; zero, which corrects nothing, where the last one is too old."""
         since = t_s - self._oldest_s

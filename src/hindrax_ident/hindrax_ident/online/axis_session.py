@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import ZERO6, Estimate, Thrust
+from hindrax_core.signals import NAN, ZERO6, Estimate, Thrust
 from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -26,7 +26,7 @@ from hindrax_ident.model.motion_model import (
 )
 from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict
-from hindrax_ident.records.axis_record import Record, Series, Stretch, series
+from hindrax_ident.records.axis_record import Record, Series, Stretch, between_samples, series
 from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, SONAR, WAY_S, Bin, SourceSelector, mean
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
@@ -105,7 +105,7 @@ class AxisSession:
         effort, inflow = (series(list(zip(times, values, strict=True))) for values in (efforts, inflows))
         return effort, inflow
 
-    def motion(self, t_s: float, nu: Vec6, masses: Masses) -> None:
+    def motion(self, t_s: float, nu: Vec6, masses: Masses, measured: Vec6 | None = None) -> None:
         """Velocities of all axes from this time on: with the masses they cause forces on this one (`coriolis`).
 
         Parameters
@@ -116,13 +116,19 @@ class AxisSession:
             Body velocities; that of the own axis does not count.
         masses
             Present estimates of the masses.
+        measured : (6,) [m/s, rad/s]
+            Those that were measured at this time, NaN elsewhere; None: all. The record has lines between these.
         """
         axis = self.model.axis
         others = (*nu[:axis], 0.0, *nu[axis + 1 :])
+        fresh = (
+            others if measured is None or not self._other_velocities else (*measured[:axis], NAN, *measured[axis + 1 :])
+        )
+        if any(map(math.isfinite, fresh)):
+            self._other_velocities.append((t_s, *fresh))
         if others == self._others:
             return
         self._others = others
-        self._other_velocities.append((t_s, *others))
         self._coriolis = coriolis(axis, masses.values, nu)
         if self.model.crossed:
             self.estimator.across(t_s, math.hypot(*map(mul, self._across, nu)), math.hypot(*map(mul, self._areas, nu)))
@@ -282,7 +288,8 @@ class AxisSession:
             Velocities of the source in use, thrust, known forces and positions.
         """
         velocities = Samples() if self._is_derived else self._velocities.get(self._speed_source.name, Samples())
-        moved_s, *nu = np.array(self._other_velocities or [(0.0, *ZERO6)]).T
+        moved_s, *sparse = np.array(self._other_velocities or [(0.0, *ZERO6)]).T
+        nu = [between_samples(moved_s, one, self._tuning.gap_s) for one in sparse]
         effort, inflow = self._of_forces()
         return Record(
             velocity=series(velocities),

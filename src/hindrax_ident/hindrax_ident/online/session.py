@@ -188,7 +188,7 @@ class Session:
         if not axis_session or not motion:
             return ()
         if measured:
-            axis_session.motion(t_s, self._velocities.at(t_s), self._masses)
+            axis_session.motion(t_s, self._velocities.at(t_s), self._masses, self._velocities.measured_at(t_s))
         return self._estimates(axis_session.velocity(t_s, nu[motion.axis], velocity.source, self._refusal()))
 
     def _estimates(self, verdicts: list[tuple[float, SampleVerdict]]) -> Sequence[Stamped[Estimate]]:

@@ -52,6 +52,40 @@ def series(points: list[tuple[float, float]]) -> Series:
     return Series(table[last, 0], table[last, 1])
 
 
+def about_samples(samples: Series) -> LaggedThrust:
+    """A sampled force, each value from halfway since the one before: held from its own time on, all would be late."""
+    halfway = np.concatenate([samples.t[:1], 0.5 * (samples.t[1:] + samples.t[:-1])])
+    return LaggedThrust(array(halfway), samples.y, 0.0)
+
+
+def between_samples(t: Array, sparse: Array, longest_s: float) -> Array:
+    """Fill a quantity that was measured at some of the times only, by straight lines from sample to sample.
+
+    Parameters
+    ----------
+    t : (n,) [s]
+        Not decreasing.
+    sparse : (n,)
+        Samples, NaN where it was not measured.
+    longest_s : [s]
+        A pause longer than this is no line: there the last sample holds for as long, then it is 0, as before the first.
+
+    Returns
+    -------
+    Array
+        (n,), finite.
+    """
+    measured = np.flatnonzero(np.isfinite(sparse))
+    if not len(measured):
+        return np.zeros(len(t))
+    line = np.interp(t, t[measured], sparse[measured])
+    last = np.searchsorted(measured, np.arange(len(t)), side="right") - 1
+    before, after = measured[np.maximum(last, 0)], measured[np.minimum(last + 1, len(measured) - 1)]
+    paused = (t[after] - t[before] > longest_s) | (last == len(measured) - 1)
+    held = np.where(t - t[before] <= longest_s, sparse[before], 0.0)
+    return array(np.where(last < 0, 0.0, np.where(paused, held, line)))
+
+
 LEAST_COUPLING = 0.02
 """Coupling of a record (`Record.coupling`) from which its axes moved together: each tells the others' masses [-]."""
 
@@ -69,12 +103,13 @@ class Record:
     """One axis of one run, times in seconds from the run's first event.
 
     `thrust` is the commanded thrust, `known` the hydrostatic force, `coriolis` that due to motion along other axes,
-    `coriolis_errors` its errors (see `model.coriolis.coriolis_errors`); all hold until their next sample. `others` are
-    the velocities of all six axes, that of its own zero, or none; `across` is the speed that they make at the hull in
-    the unit of the axis (`model.motion_model.speed_across`). `position` is the depth [m] in heave, the angle [rad] in
-    roll and pitch, and the way [m] along an axis whose velocity no instrument measures; empty elsewhere. `effort` is
-    the sum of the squared contributions of all thrusters on the axis [N^2, N^2 m^2], `inflow` that of the squared
-    wrench per newton times the root of the force [N^0.5, N^0.5 m^2]; they hold like thrust, empty where unknown.
+    `coriolis_errors` its errors (see `model.coriolis.coriolis_errors`). Thrust holds until its next sample; the other
+    three are samples of what changes, and hold about their times (`about_samples`). `others` are the velocities of all
+    six axes, that of its own zero, or none; `across` is the speed that they make at the hull in the unit of the axis
+    (`model.motion_model.speed_across`). `position` is the depth [m] in heave, the angle [rad] in roll and pitch, and
+    the way [m] along an axis whose velocity no instrument measures; empty elsewhere. `effort` is the sum of the squared
+    contributions of all thrusters on the axis [N^2, N^2 m^2], `inflow` that of the squared wrench per newton times the
+    root of the force [N^0.5, N^0.5 m^2]; they hold like thrust, empty where unknown.
     """
 
     velocity: Series
@@ -112,7 +147,7 @@ class Record:
         if not np.any(thrust):
             return 0.0
         at_s = np.concatenate([one.t for one in driven])
-        squares = [LaggedThrust(one.t, one.y, 0.0).force(at_s) ** 2 for one in self.coriolis_errors]
+        squares = [about_samples(one).force(at_s) ** 2 for one in self.coriolis_errors]
         return math.sqrt(sum(float(np.mean(one)) for one in squares) / float(np.mean(thrust**2)))
 
     def within(self, span: Stretch) -> tuple[Series, Series]:
@@ -138,7 +173,7 @@ class Record:
 
     def _measured(self) -> list[LaggedThrust]:
         """Forces computed from velocities and attitudes, with the same latency as the fitted measurements."""
-        return [LaggedThrust(part.t, part.y, 0.0) for part in (self.known, self.coriolis) if len(part)]
+        return [about_samples(part) for part in (self.known, self.coriolis) if len(part)]
 
     def efforts(self, at_s: Array) -> Array:
         """Integral of the effort (without one: of the squared thrust) after the lag: (n,) [N^2 s, N^2 m^2 s]."""
@@ -171,7 +206,7 @@ class Record:
         """Speed across the axis, a mean over SMOOTH_S: (n,) [m/s, rad/s]; zero where it was not measured."""
         if not len(self.across):
             return np.zeros(len(at_s))
-        way = LaggedThrust(self.across.t, self.across.y, 0.0)
+        way = about_samples(self.across)
         return array((way.impulse(at_s + 0.5 * SMOOTH_S) - way.impulse(at_s - 0.5 * SMOOTH_S)) / SMOOTH_S)
 
     def crossing(self) -> float:
