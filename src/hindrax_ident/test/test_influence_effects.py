@@ -86,10 +86,10 @@ def of_force(*forces: Array) -> Array:
     return array(np.stack([STEPS * 0.5 * (one + np.append(0.0, one[:-1])) for one in forces], axis=1))
 
 
-def of_commands(*commands: list[float] | Array) -> Array:
+def of_commands(*commands: list[float] | Array, at_s: Array = COMMANDS.t) -> Array:
     """Impulses over each step of thrust that holds between commands."""
     fine = np.linspace(0.0, 6.0, 60_001)[:-1] + 5e-5
-    held = np.searchsorted(COMMANDS.t, fine, side="right") - 1
+    held = np.searchsorted(at_s, fine, side="right") - 1
     totals = [np.append(0.0, np.cumsum(np.asarray(one)[held]) * 1e-4) for one in commands]
     ends = np.round(TIMES / 1e-4).astype(int)
     return array(np.stack([np.where(STARTS, 0.0, np.diff(one[ends], prepend=0.0)) for one in totals], axis=1))
@@ -423,7 +423,8 @@ def test_masses_of_other_axes_err_by_their_own_columns(case: AxisFit) -> None:
         Series(COMMANDS.t, array(np.array(one))) for one in ([1.0, 2.0, 0.0, -1.0, 4.0], [0.5, 0.0, 1.0, 1.0, 0.0])
     )
     known = replace(case, record=replace(case.record, coriolis_errors=errors))
-    assert_effect(known, "masses of other axes", of_commands(*(one.y for one in errors)))
+    halfway = np.concatenate([COMMANDS.t[:1], 0.5 * (COMMANDS.t[1:] + COMMANDS.t[:-1])])
+    assert_effect(known, "masses of other axes", of_commands(*(one.y for one in errors), at_s=array(halfway)))
     assert (row("masses of other axes").sigma(case), row("masses of other axes").sigma(known)) == (0.0, 1.0)
     assert row("masses of other axes").shown(known), "as large as the thrust: the record tells them"
     small = tuple(Series(one.t, array(1e-4 * one.y)) for one in errors)
@@ -449,6 +450,20 @@ def test_the_other_axes_act_by_a_tenth_of_the_own_mass_and_drag_and_by_the_whole
     turning = replace(with_others(case, r=array(np.where(TIMES < 3.0, 0.5 * TIMES, 0.0))), vehicle=case.vehicle)
     pushed = row(OTHER_AXES).effect(turning)[5]
     assert abs(pushed[0]) == pytest.approx(0.1 * 27.0 * 0.5 * 0.1 * case.vehicle.characteristic_length_m, rel=0.1)
+
+
+def test_momentum_across_by_an_off_diagonal_mass_turns_with_the_body(case: AxisFit) -> None:
+    """At a constant turn nothing accelerates, but a mass of sway and yaw pushes along surge: M_vr r^2 (Fossen 6.42).
+
+    Its size: a tenth of the own mass, by the length of the vehicle where it turns.
+    """
+    turning = with_others(case, r=array(np.full(len(TIMES), 0.6)))
+    length = case.vehicle.characteristic_length_m
+    found = turning._off_diagonal_masses()
+    wanted = of_force(array(np.full(len(TIMES), 0.1 * 27.0 * length * 0.6**2)))[:, 0]
+    distance = np.abs(np.abs(found) - np.abs(wanted)[:, None]).max(axis=0)
+    assert float(distance.min()) < 1e-9
+    assert int(np.sum(np.abs(found).max(axis=0) > 1e-9)) == 2, "beside it M_uv, by u' = 0 and r u of its own velocity"
 
 
 def test_without_motion_beside_it_nothing_acts_from_the_other_axes(case: AxisFit) -> None:

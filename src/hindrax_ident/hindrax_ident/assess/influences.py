@@ -8,6 +8,7 @@ influence is a new row.
 The deviations of water, thrust and hull are those of a usual pool (`docs/reference/worlds.md` has their sources).
 """
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,8 +25,9 @@ from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit
 from hindrax_ident.model.motion_model import HORIZONTAL, INCIDENCE, areas_across
 from hindrax_ident.model.simulation import per_step
+from hindrax_ident.model.six_axes import inertial_force, symmetric
 from hindrax_ident.model.thrust_lag import LaggedThrust
-from hindrax_ident.records.axis_record import LEAST_COUPLING, Record
+from hindrax_ident.records.axis_record import LEAST_COUPLING, Record, about_samples
 from hindrax_ident.remedies import (
     COAST,
     DESCRIBE_THRUSTERS,
@@ -154,13 +156,11 @@ class AxisFit:
         t = self.fit.problem.grid.times_s
         if not self.record.others:
             return np.zeros((len(t), 6))
-        length = self.vehicle.characteristic_length_m
-        to_own = np.where(np.arange(6) >= 3, length, 1.0) / (length if self.axis >= 3 else 1.0)
         wanted = round(SMOOTH_S / max(1e-9, float(np.median(self.steps_s[self.steps_s > 0.0]))))
         kernel = np.ones(min(max(1, wanted), len(t)))  # of a flight that was cut off there is less than that
         weight = np.convolve(np.ones(len(t)), kernel, "same")
         rows = [np.convolve(np.interp(t, one.t, one.y), kernel, "same") / weight for one in self.record.others]
-        return np.stack(rows, axis=1) * to_own
+        return np.stack(rows, axis=1) * self._to_own
 
     @cached_property
     def crossing(self) -> Array:
@@ -169,7 +169,7 @@ class AxisFit:
         Off-diagonal added mass and drag of each axis, and the drag that grows with the whole speed; of all these the
         combinations that do most, as unknowns of one deviation may be rotated.
         """
-        others, starts = self.others, self.fit.problem.grid.starts
+        others = self.others
         own_kind = others[:, :3] if self.axis < 3 else others[:, 3:]
         whole = np.sqrt(self.v**2 + np.sum(own_kind**2, axis=1))
         # A fit that has this drag as its parameter k_w knows it, and how well.
@@ -179,11 +179,36 @@ class AxisFit:
         columns = [
             self.of_force(cross * across),
             self.of_force(OFF_DIAGONAL * drags),
-            OFF_DIAGONAL * self.mass * per_step(others, starts),
+            self._off_diagonal_masses(),
         ]
         U, sizes, _ = np.linalg.svd(np.hstack(columns), full_matrices=False)
         matters = sizes[:MOST_CROSSINGS] > LEAST_CROSSING * np.linalg.norm(self.of_force(self.thrust))
         return array((U * sizes)[:, :MOST_CROSSINGS][:, matters])
+
+    @cached_property
+    def _to_own(self) -> Array:
+        """Velocity of each axis in the unit of this one, by the length of the vehicle: (6,) [-, m, 1/m]."""
+        length = self.vehicle.characteristic_length_m
+        return array(np.where(np.arange(6) >= 3, length, 1.0) / (length if self.axis >= 3 else 1.0))
+
+    def _off_diagonal_masses(self) -> Array:
+        """Impulses of off-diagonal masses, each of one deviation: (n, k) [N s, N m s].
+
+        M_ab carries momentum along a by motion along b. Where a is this axis, its change is an acceleration here; and
+        all momentum turns with the body (Kirchhoff): a force across motions that neither need accelerate. Pairs are
+        those with this axis, and those of a hull with port alike starboard: surge, heave, pitch and sway, roll, yaw.
+        """
+        nu = self.others / self._to_own
+        nu[:, self.axis] = self.v
+        own = self.mass * self._to_own**2
+        columns = []
+        for a, b in itertools.combinations(range(6), 2):
+            if self.axis in (a, b) or (b - a) % 2 == 0:
+                M = OFF_DIAGONAL * math.sqrt(own[a] * own[b]) * symmetric((a, b))
+                change = per_step(nu @ M[self.axis], self.fit.problem.grid.starts)
+                turned = inertial_force(M, nu, np.zeros_like(nu))[:, self.axis]
+                columns.append(-change - self.of_force(turned)[:, 0])
+        return np.stack(columns, axis=1)
 
     @cached_property
     def speed(self) -> float:
@@ -551,7 +576,7 @@ def _seiche(case: AxisFit) -> Array:
 
 def _coriolis(case: AxisFit) -> Array:
     grid = case.fit.problem.grid
-    totals = [LaggedThrust(error.t, error.y, 0.0).impulse(grid.times_s) for error in case.record.coriolis_errors]
+    totals = [about_samples(error).impulse(grid.times_s) for error in case.record.coriolis_errors]
     return per_step(np.stack(totals, axis=1), grid.starts)
 
 
