@@ -62,6 +62,10 @@ DEFINITIONS = {
     "sensor_msgs/msg/Imu": f"{STAMPED}geometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
     "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
     f"geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n{PARTS}",
+    "marine_acoustic_msgs/msg/Dvl": f"{STAMPED}uint8 velocity_mode\ngeometry_msgs/Vector3 velocity\n"
+    f"float64[9] velocity_covar\n{PARTS}",
+    "dvl_msgs/msg/DVL": f"{STAMPED}geometry_msgs/Vector3 velocity\nfloat64 fom\nfloat64 altitude\n"
+    f"bool velocity_valid\n{PARTS}",
     "mavros_msgs/msg/RCOut": f"{STAMPED}uint16[] channels\n{PARTS}",
     "my_msgs/msg/Escs": f"{STAMPED}Set set\nstring mode\n{PARTS}{'=' * 80}\nMSG: my_msgs/Set\nfloat32[] throttle\n",
 }
@@ -630,6 +634,104 @@ def test_rates_that_a_doppler_log_has_not_are_those_of_the_inertial_sensor(tmp_p
     assert found.velocity[known, 5] == pytest.approx(-rates)
     assert np.isfinite(found.velocity[~known, 0]).all()
     assert "/dvl/twist has no rates: those of /imu" in found.assumptions
+
+
+def imu_rows(
+    t: Array, rates: Array, angles: Array | None = None, frame: str = "imu_link"
+) -> list[tuple[float, dict[str, Any]]]:
+    """Of an inertial sensor that turns about its x axis, y left: rates [rad/s] and angles [rad]; None: it has none."""
+    none, still = [0.0] * 9, dict.fromkeys("xyz", 0.0)
+    attitude = {"orientation_covariance": [-1.0] * 9 if angles is None else none}
+    rows = zip(t.tolist(), rates.tolist(), (np.zeros(len(t)) if angles is None else angles).tolist(), strict=True)
+    return [
+        (at, {
+            "header": header_of(START_S + at, frame), **attitude,
+            "orientation": {"x": math.sin(angle / 2.0), "y": 0.0, "z": 0.0, "w": math.cos(angle / 2.0)},
+            "angular_velocity": {**still, "x": rate}, "angular_velocity_covariance": none,
+            "linear_acceleration": still, "linear_acceleration_covariance": none,
+        })
+        for at, rate, angle in rows
+    ]  # fmt: skip
+
+
+IMU_S = np.arange(0.0, 5.0, 0.02)
+ROLL_rad, ROLL_radps = 0.2 * np.sin(2.0 * IMU_S), 0.4 * np.cos(2.0 * IMU_S)
+INERTIAL = "sensor_msgs/msg/Imu"
+
+
+def doppler_rows(kind: str, t: Array, v: Array, lost: Sequence[int] = ()) -> tuple[str, str, list[tuple[float, Any]]]:
+    """Reports of a Doppler log that moves to starboard; `lost`: which of them say that they are no velocity."""
+
+    def said(k: int) -> dict[str, Any]:
+        if kind.startswith("marine"):
+            return {"velocity_mode": 1 if k % 2 else 3, "velocity_covar": [-1.0 if k % 2 else 1e-4] + [0.0] * 8}
+        return {"fom": 0.01, "altitude": 2.0, "velocity_valid": False}
+
+    good = {"velocity_mode": 1, "velocity_covar": [1e-4] + [0.0] * 8} if kind.startswith("marine") else {
+        "fom": 0.01, "altitude": 2.0, "velocity_valid": True,
+    }  # fmt: skip
+    rows = [
+        (at, {
+            "header": header_of(START_S + at, "dvl_link"), "velocity": {"x": 0.0, "y": value, "z": 0.0},
+            **(said(k) if k in lost else good),
+        })
+        for k, (at, value) in enumerate(zip(t.tolist(), v.tolist(), strict=True))
+    ]  # fmt: skip
+    return kind, "/dvl/data", rows
+
+
+@pytest.mark.parametrize("kind", ["marine_acoustic_msgs/msg/Dvl", "dvl_msgs/msg/DVL"])
+def test_reports_of_a_doppler_log_are_velocities_in_its_axes(tmp_path: Path, kind: str) -> None:
+    """Beside an inertial sensor, which has what the log has not: rates, roll and pitch."""
+    (t, v), (t_w, w) = flown(end_s=5.0)
+    thrust = reported(wrench_message, THRUST, (t_w, -w), 1)
+    sensor = (INERTIAL, "/imu/data", imu_rows(IMU_S, ROLL_radps, ROLL_rad))
+    raw = (INERTIAL, "/imu/data_raw", imu_rows(IMU_S, 9.0 * ROLL_radps))
+    bag = bag_of(tmp_path / "a.mcap", [doppler_rows(kind, t, v, (3, 4)), thrust, sensor, raw])
+    (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
+    assert found.velocity[np.isfinite(found.velocity[:, 1]), 1] == pytest.approx(np.delete(v, [3, 4]))
+    assert found.wrench[:, 1] == pytest.approx(w), "a wrench of REP-103, turned to starboard"
+    assert found.velocity[np.isfinite(found.velocity[:, 3]), 3] == pytest.approx(ROLL_radps)
+    assert found.attitude[:, 0] == pytest.approx(ROLL_rad, abs=1e-6)
+    assert found.attitude_t == pytest.approx(IMU_S, abs=1e-6)
+    assert "/dvl/data: axes of the instrument, x forward, y starboard, z down" in found.assumptions
+
+
+def test_what_a_navigator_made_of_a_doppler_log_comes_first(tmp_path: Path) -> None:
+    bag = as_bag(tmp_path / "a.mcap", end_s=5.0, extra=[doppler_rows("dvl_msgs/msg/DVL", *flown(end_s=5.0)[0])])
+    (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
+    assert np.isfinite(found.velocity[:, 0]).all()
+    assert not found.velocity[:, 1].any()
+    (named,) = read_bag(bag, TopicSelection(odometry="/dvl/data"), topics_of(bag))
+    assert named.velocity[:, 1].any()
+
+
+@pytest.mark.parametrize(
+    ("angles", "said"),
+    [(-ROLL_rad, True), (0.0 * ROLL_rad, False), (None, False)],
+    ids=["of another axis", "a constant", "none"],
+)
+def test_an_orientation_that_is_none_is_no_attitude(tmp_path: Path, angles: Array | None, said: bool) -> None:
+    twist = ("geometry_msgs/msg/TwistStamped", "/dvl/twist", "dvl_link")
+    sensor = (INERTIAL, "/imu", imu_rows(IMU_S, ROLL_radps, angles))
+    (found,) = read_bag(
+        bag := as_bag(tmp_path / "a.mcap", twist, end_s=5.0, extra=[sensor]), TopicSelection(), topics_of(bag)
+    )
+    assert len(found.attitude_t) == 0
+    assert found.velocity[np.isfinite(found.velocity[:, 3]), 3] == pytest.approx(ROLL_radps)
+    note = "/imu: its orientation does not change as its rates say, and is not used"
+    assert (note in found.assumptions) == said
+
+
+def test_two_inertial_sensors_that_know_as_much_leave_it_open(tmp_path: Path) -> None:
+    twist = ("geometry_msgs/msg/TwistStamped", "/dvl/twist", "dvl_link")
+    both = [(INERTIAL, name, imu_rows(IMU_S, ROLL_radps)) for name in ("/a", "/b")]
+    (found,) = read_bag(
+        bag := as_bag(tmp_path / "a.mcap", twist, end_s=5.0, extra=both), TopicSelection(), topics_of(bag)
+    )
+    assert not np.isfinite(found.velocity[:, 3:]).any()
+    note = "/dvl/twist has no rates, and it is not clear which of /a, /b to take: none; record one of them"
+    assert note in found.assumptions
 
 
 def test_several_topics_are_ambiguous_until_one_is_named(desk: Desk) -> None:

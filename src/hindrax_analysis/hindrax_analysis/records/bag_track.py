@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from hindrax_analysis.records.thruster_values import ThrusterValues
 from hindrax_bag.read.bag_reader import BagMessage
+from hindrax_core.messages.inputs import BOTTOM
 from hindrax_ident.arrays import Array, array
 
 VELOCITY_TYPES = (
@@ -24,6 +25,8 @@ VELOCITY_TYPES = (
     "geometry_msgs/msg/TwistStamped",
     "geometry_msgs/msg/TwistWithCovarianceStamped",
 )
+DOPPLER_TYPES = ("marine_acoustic_msgs/msg/Dvl", "dvl_msgs/msg/DVL", "waterlinked_a50_ros_driver/msg/DVL")
+"""Reports of the instrument itself, where no topic of VELOCITY_TYPES has what a navigator made of them."""
 NAMED_VELOCITY_TYPES = (
     "geometry_msgs/msg/Twist",
     "sensor_msgs/msg/Imu",
@@ -94,9 +97,12 @@ class Track:
             self.poses.append([*_six(pose.position, pose.orientation), float(pose.orientation.w)])
             # The header of a pose names the world.
             self.frame, self.world = getattr(content, "child_frame_id", ""), self.frame
-        if hasattr(content, "angular_velocity"):
+        if self.kind in DOPPLER_TYPES:
+            self.rows.append([*_doppler(content), UNKNOWN, UNKNOWN, UNKNOWN])
+        elif hasattr(content, "angular_velocity"):
             rate = content.angular_velocity
             self.rows.append([UNKNOWN, UNKNOWN, UNKNOWN, float(rate.x), float(rate.y), float(rate.z)])
+            self.poses.append([UNKNOWN] * 3 + _orientation(content))
         elif not self.kind.startswith("geometry_msgs/msg/Pose"):
             self.rows.append(_twist(getattr(content, "twist", content)))
 
@@ -130,6 +136,29 @@ def _twist(content: Any) -> list[float]:
     variances = content.covariance[::7] if hasattr(content, "covariance") else [0.0] * 6
     pairs = zip(_six(inner.linear, inner.angular), variances, strict=True)
     return [value if 0.0 <= variance < UNKNOWN_VARIANCE else UNKNOWN for value, variance in pairs]
+
+
+def _doppler(content: Any) -> list[float]:
+    """Velocity over ground of the instrument's report; NaN where the report itself says that it is none.
+
+    marine_acoustic_msgs: `velocity_mode` 1 is over ground, a variance below 0 no measurement. Drivers of Water Linked's
+    instruments: `velocity_valid`, as in their JSON.
+    """
+    covariance = getattr(content, "velocity_covar", (0.0,))
+    valid = (
+        getattr(content, "velocity_valid", True)
+        and getattr(content, "velocity_mode", BOTTOM) == BOTTOM
+        and 0.0 <= covariance[0] < UNKNOWN_VARIANCE
+    )
+    v = content.velocity
+    return [float(v.x), float(v.y), float(v.z)] if valid else [UNKNOWN] * 3
+
+
+def _orientation(content: Any) -> list[float]:
+    """Quaternion x, y, z, w of an inertial sensor; NaN where its message says that it has none (covariance -1)."""
+    q = content.orientation
+    known = content.orientation_covariance[0] >= 0.0
+    return [float(q.x), float(q.y), float(q.z), float(q.w)] if known else [UNKNOWN] * 4
 
 
 def quaternions_of(track: Track) -> Array:

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from hindrax_analysis.records.bag_track import (
+    COMPARED_S,
+    DOPPLER_TYPES,
     NAMED_VELOCITY_TYPES,
     UNKNOWN,
     VELOCITY_TYPES,
@@ -37,6 +39,12 @@ from hindrax_ident.arrays import Array, Index, array
 FEWEST_MESSAGES = 20
 """Fewer velocities than this between steps back of the stamps are no record."""
 IMU = "sensor_msgs/msg/Imu"
+UPRIGHT_rad = 0.5
+"""Tilts below which roll and pitch change by the rates about their axes, nearly."""
+STILL_rad = 0.02
+"""Differences below this are those of noise, of a vehicle that hardly tilts."""
+VELOCITY = ("velocity", "--odometry")
+"""What is looked for, and the option that names it."""
 FRAMES = ("flu", "fsd", "world")
 DOWN_WORDS = {"fsd", "frd", "ned", "sname"}
 """Words in the name of a frame whose z axis points down."""
@@ -113,12 +121,16 @@ def read_bag(
     UsageError
         Names a topic of which no message can be decoded.
     """
-    velocity = _choose(bag, topics, (VELOCITY_TYPES, NAMED_VELOCITY_TYPES), wanted.odometry, ("velocity", "--odometry"))
+    # What a navigator made of a Doppler log comes before the log itself.
+    there = set(topics.values())
+    alone = not there.isdisjoint(DOPPLER_TYPES) and there.isdisjoint(VELOCITY_TYPES)
+    direct, also = (DOPPLER_TYPES, ()) if alone else (VELOCITY_TYPES, DOPPLER_TYPES)
+    velocity = _choose(bag, topics, (direct, (*NAMED_VELOCITY_TYPES, *also)), wanted.odometry, VELOCITY)
     named = ThrusterValues.named(wanted.wrench)
     possible = tuple({*PULSE_FIELDS, topics[named.topic]} if named.field and named.topic in topics else PULSE_FIELDS)
     wrench = _choose(bag, topics, (WRENCH_TYPES, possible), named.topic, ("force", "--wrench"))
     gyros = [name for name, kind in topics.items() if kind == IMU and name not in (velocity, wrench)]
-    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench, *(gyros if len(gyros) == 1 else ()))}
+    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench, *gyros)}
     if named.path(topics[wrench]):
         unit = named.unit or (PULSES if topics[wrench].startswith("mavros_msgs/") else "")
         tracks[wrench].values = replace(named, topic=wrench, unit=unit)
@@ -135,8 +147,8 @@ def read_bag(
     steps = "once" if len(parts) == 2 else f"{len(parts) - 1} times"
     back = [f"the stamps of {velocity} step back {steps}: {len(parts)} records"] if len(parts) > 1 else []
     found = [_recording(bag, v, w, wanted.frame, vehicle) for v, w in parts]
-    if len(parts) == len(gyros) == 1 and not np.nan_to_num(found[0].velocity[:, 3:]).any():
-        found = [_with_rates(found[0], tracks[gyros[0]], wanted.frame, velocity)]
+    if len(parts) == 1 and gyros and not np.nan_to_num(found[0].velocity[:, 3:]).any():
+        found = [_with_inertial(found[0], [tracks[name] for name in gyros], wanted.frame, velocity)]
     return [replace(one, assumptions=(*one.assumptions, *back, *damage.sentences)) for one in found]
 
 
@@ -199,15 +211,19 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         ways = ways_from_poses(poses[0][known], poses[1][known])
         if not are_exact(ways):
             way_t, way = array(at_v[known]), ways
-    tilts = np.column_stack([tilts_of(poses[1]), np.full(len(at_v), np.nan)]) if poses else np.zeros((0, 3))
+    tilts = np.zeros((0, 3))
+    if poses and velocity.kind == IMU:
+        tilts = _tilts_of_inertial(velocity, at_v, moving * signs, signs, axes.notes)
+    elif poses:
+        tilts = np.column_stack([tilts_of(poses[1]) * [1.0, signs[1]], np.full(len(at_v), np.nan)])
     return Recording(
         source=str(bag),
         velocity_t=moving_t,
         velocity=array(moving * signs),
         wrench_t=array(at_w),
         wrench=_forces(wrench, velocity, signs, axes, vehicle)[w],
-        attitude_t=array(at_v) if poses else np.zeros(0),
-        attitude=array(tilts * np.array([1.0, signs[1], 1.0])),
+        attitude_t=array(at_v) if len(tilts) else NO_TIMES,
+        attitude=array(tilts),
         origin_s=1e-9 * float(origin),
         assumptions=tuple(axes.notes),
         way_t=way_t,
@@ -215,28 +231,66 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
     )
 
 
-def _with_rates(record: Recording, gyro: Track, frame: str, velocity: str) -> Recording:
-    """The record with the rates of an inertial sensor, where its topic of velocities has none.
+def _with_inertial(record: Recording, sensors: list[Track], frame: str, velocity: str) -> Recording:
+    """The record with rates and attitude of an inertial sensor, where its topic of velocities has none.
 
-    A Doppler log fills the rates of a Twist with zeros, which nobody has measured.
+    A Doppler log fills the rates of a Twist with zeros, which nobody has measured. Of several sensors it is the one
+    that knows its attitude: MAVROS publishes its raw numbers, too.
     """
     moving = record.velocity.copy()
     moving[:, 3:] = UNKNOWN
-    times = [1e-9 * np.array(one, dtype=float) - record.origin_s for one in (gyro.stamped, gyro.received)]
+    record = replace(record, velocity=array(moving))
+    oriented = [one for one in sensors if np.isfinite(np.array(one.poses or [[UNKNOWN] * 7])[:, 3:]).any()]
+    clear = oriented if len(oriented) == 1 else sensors
+    if len(clear) != 1:
+        names = ", ".join(one.topic for one in sensors)
+        note = f"{velocity} has no rates, and it is not clear which of {names} to take: none; record one of them"
+        return replace(record, assumptions=(*record.assumptions, note))
+    (sensor,) = clear
+    times = [1e-9 * np.array(one, dtype=float) - record.origin_s for one in (sensor.stamped, sensor.received)]
     there = [t for t in times if len(t) and t[0] < record.end_s and t[-1] > record.begin_s]
     if not there:
         return record
     axes = _FrameChoice(frame if frame != "world" else "", [])
-    rows = np.array(gyro.rows) * _signs_to_sname(gyro, axes)
+    signs = _signs_to_sname(sensor, axes)
+    rows = np.array(sensor.rows) * signs
+    tilted = _tilts_of_inertial(sensor, there[0], rows, signs, axes.notes)
     t = np.concatenate([record.velocity_t, there[0]])
     order = np.argsort(t, kind="stable")
-    notes = (f"{velocity} has no rates: those of {gyro.topic}", *axes.notes)
+    has_attitude = bool(len(record.attitude_t)) or not len(tilted)
+    notes = (f"{velocity} has no rates: those of {sensor.topic}", *axes.notes)
     return replace(
         record,
         velocity_t=array(t[order]),
         velocity=array(np.concatenate([moving, rows])[order]),
+        attitude_t=record.attitude_t if has_attitude else array(there[0]),
+        attitude=record.attitude if has_attitude else tilted,
         assumptions=(*record.assumptions, *notes),
     )
+
+
+def _tilts_of_inertial(sensor: Track, t: Array, rows: Array, signs: Array, notes: list[str]) -> Array:
+    """Roll, pitch and no depth of an inertial sensor, (n, 3); (0, 3) where its orientation is not that of its rates.
+
+    Many a driver fills a constant into an orientation that nobody has estimated. One that is estimated changes by what
+    the rates add up to: over COMPARED_S for small angles, which others are not compared.
+    """
+    tilts = tilts_of(quaternions_of(sensor)) * np.array([1.0, signs[1]])
+    known = np.flatnonzero(np.isfinite(tilts).all(axis=1))
+    nothing = array(np.zeros((0, 3)))
+    if len(known) < FEWEST_MESSAGES or not np.ptp(tilts[known], axis=0).any():
+        return nothing
+    upright = np.abs(tilts[known]).max(axis=1) < UPRIGHT_rad
+    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(np.diff(t[known])[:, None] * rows[known][1:, 3:5], axis=0)])
+    ends = np.minimum(np.searchsorted(t[known], t[known] + COMPARED_S), len(known) - 1)
+    compared = upright & upright[ends]
+    if not compared.any():
+        return nothing
+    by_rates, by_angles = (one[ends][compared] - one[compared] for one in (turned, tilts[known]))
+    if not np.mean((by_angles - by_rates) ** 2) < max(STILL_rad**2, 0.5 * float(np.mean(by_rates**2))):
+        notes.append(f"{sensor.topic}: its orientation does not change as its rates say, and is not used")
+        return nothing
+    return array(np.column_stack([tilts, np.full(len(tilts), np.nan)]))
 
 
 def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, vehicle: Vehicle | None) -> Array:
@@ -248,7 +302,7 @@ def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, ve
             remedy = "name a vehicle file with thrusters and curves by --vehicle"
             raise UsageError(f"{wrench.topic}: holds values of single thrusters, wanted a wrench; {remedy}")
         return wrenches_of_thrusters(wrench.values, wrench.rows, vehicle)
-    if wrench.frame or axes.is_given:
+    if wrench.frame or axes.is_given or velocity.kind in DOPPLER_TYPES:
         signs = _signs_to_sname(wrench, axes)
     else:
         axes.notes.append(f"{wrench.topic} names no frame: it is in the axes of {velocity.topic}")
@@ -312,6 +366,9 @@ def _signs_to_sname(track: Track, axes: _FrameChoice) -> Array:
             f"{track.topic}: is in frame {track.frame!r}, wanted a frame of the body such as base_link; "
             "if it is in body axes, add --frame flu or --frame fsd"
         )
+    if track.kind in DOPPLER_TYPES and not words & UP_WORDS:
+        axes.notes.append(f"{track.topic}: axes of the instrument, x forward, y starboard, z down")
+        return array(np.ones(6))
     if words & DOWN_WORDS:
         axes.notes.append(f"{track.topic}: frame {track.frame!r} taken as x forward, y starboard, z down")
         return array(np.ones(6))
