@@ -97,3 +97,53 @@ def test_fields_of_ros_messages_are_in_its_axes_as_in_a_bag(header: str, turned:
     assert found.velocity[0, 2] == pytest.approx(0.2 * sign)
     assert found.wrench[0, 2] == pytest.approx(7.0 * sign)
     assert any("REP-103" in one for one in found.assumptions) == turned
+
+
+YAW, ROLL, PITCH = 3.0 + 0.2 * T, 0.3 * np.sin(T), 0.4 * np.cos(0.7 * T)
+FORWARD, ASIDE = 0.5 * np.sin(0.5 * T), 0.2 * np.cos(0.4 * T)
+
+
+def of_world(*body: Array, angles: tuple[Array, Array, Array]) -> dict[str, Array]:
+    """Velocities north, east, down of those of the body (Fossen 2011 eq. 2.18, written out)."""
+    (u, v, w), (phi, theta, psi) = body, angles
+    c, s = np.cos, np.sin
+    # One rotation after the other: about x, then y, then z.
+    v, w = c(phi) * v - s(phi) * w, s(phi) * v + c(phi) * w
+    u, w = c(theta) * u + s(theta) * w, -s(theta) * u + c(theta) * w
+    return {"VN": c(psi) * u - s(psi) * v, "velocity_east": s(psi) * u + c(psi) * v, "vel_d": w}
+
+
+@pytest.mark.parametrize("frame", ["", "flu"])
+def test_velocities_of_the_world_are_turned_into_those_of_the_body(frame: str) -> None:
+    moved = of_world(FORWARD, ASIDE, SINKS, angles=(ROLL, PITCH, YAW))
+    angles = {"roll_rad": ROLL, "pitch_rad": PITCH, "heading_rad": (YAW + np.pi) % (2.0 * np.pi) - np.pi}
+    found = read({**moved, **angles, "X": PUSH, "Z": PUSH}, frame)
+    assert found.velocity[:, :3] == pytest.approx(np.column_stack([FORWARD, ASIDE, SINKS]), abs=1e-5)
+    assert found.wrench[:, 2] == pytest.approx(-PUSH if frame else PUSH, abs=1e-5)
+    assert "u, v, w are velocities north and east, turned by roll, pitch and yaw" in found.assumptions
+
+
+def test_without_roll_and_pitch_the_vehicle_is_level_and_heave_is_unknown() -> None:
+    moved = of_world(FORWARD, ASIDE, SINKS, angles=(0.0 * T, 0.0 * T, YAW))
+    found = read({**moved, "yaw_rad": YAW, "X": PUSH})
+    assert found.velocity[:, :2] == pytest.approx(np.column_stack([FORWARD, ASIDE]), abs=1e-5)
+    assert not np.isfinite(found.velocity[:, 2]).any()
+    assert "u, v are velocities north and east, turned by yaw, as of a level vehicle" in found.assumptions
+
+
+def test_a_velocity_of_the_body_in_the_file_stays() -> None:
+    moved = of_world(FORWARD, ASIDE, SINKS, angles=(0.0 * T, 0.0 * T, YAW))
+    found = read({**moved, "yaw_rad": YAW, "u": 0.5 * FORWARD, "X": PUSH})
+    assert found.velocity[:, 0] == pytest.approx(0.5 * FORWARD, abs=1e-5)
+    assert found.velocity[:, 1] == pytest.approx(ASIDE, abs=1e-5)
+
+
+def test_angles_may_stand_in_other_rows_than_velocities() -> None:
+    moved = of_world(FORWARD, ASIDE, SINKS, angles=(0.0 * T, 0.0 * T, YAW))
+    rows = [
+        f"{t:.3f},{n:.6f},{e:.6f},,{x:.6f}"
+        for t, n, e, x in zip(T, moved["VN"], moved["velocity_east"], PUSH, strict=True)
+    ]
+    rows += [f"{t + 0.05:.3f},,,{psi:.6f}," for t, psi in zip(T, YAW + 0.2 * 0.05, strict=True)]
+    (found,) = read_records("\n".join(["t,vn,ve,yaw_rad,X", *rows]), "x.csv")
+    assert found.velocity[1:, 0] == pytest.approx(FORWARD[1:], abs=1e-4)

@@ -149,10 +149,10 @@ def test_what_means_nothing_is_left_alone(header: str) -> None:
     [
         ("t,speed_kn,X", "call it u_kn for surge or v_kn for sway or w_kn for heave, if it has the sign of the motion"),
         (
-            "t,velocity_north,velocity_east",
-            "velocity_north, velocity_east are along axes of the world: turn them by the",
+            "t,vx_enu,vy_enu",
+            "vx_enu, vy_enu are along axes of the world: name them vn, ve and vd",
         ),
-        ("t,vn,ve,vd,X", "vn, ve, vd are along axes of the world"),
+        ("t,velocity_north,v_e,X", "vn and ve are turned into u and v by a column yaw, and with vd, roll and pitch"),
         ("t,qw,qx,qy,qz,X", "qw, qx, qy, qz are a quaternion: write roll, pitch and yaw"),
         ("t,u,Thrust", "Thrust names no axis: call it X for surge"),
         ("t,u_furlongs,X", "u_furlongs: the unit 'furlongs' is none of m/s, cm/s"),

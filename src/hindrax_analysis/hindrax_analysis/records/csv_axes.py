@@ -9,6 +9,7 @@ them is counted the other way.
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hindrax_analysis.records.csv_agreement import slope_of
 from hindrax_ident.arrays import Array, array
@@ -40,6 +41,53 @@ def with_depths(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[s
     if middle > HIGH_m or highest > -HIGH_m:
         return dict(columns), ()
     return dict(columns) | {"depth": array(-depth)}, ("depths are heights above the surface, by their sign",)
+
+
+OF_WORLD = {"vn", "ve", "yaw"}
+"""Columns that show the velocities of surge and sway."""
+
+
+def with_velocities_of_world(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...], tuple[str, ...]]:
+    """Turn velocities north, east and down into those of the body that the file does not have.
+
+    v_body = R(roll, pitch, yaw)' (vn, ve, vd), Fossen 2011 eq. 2.18; SNAME axes. A file without roll and pitch is of a
+    level vehicle, and tells surge and sway only.
+
+    Parameters
+    ----------
+    columns
+        By name, (n,) each; angles in radians.
+
+    Returns
+    -------
+    tuple[dict[str, Array], tuple[str, ...], tuple[str, ...]]
+        The columns, (n,) each, with u, v and w; which of them were made; what was assumed.
+    """
+    out = {name: values for name, values in columns.items() if name not in ("vn", "ve", "vd")}
+    if not set(columns) >= OF_WORLD:
+        return dict(columns), (), ()
+    level = np.zeros_like(columns["vn"])
+    tilted = {"vd", "roll", "pitch"} <= set(columns)
+    down = columns["vd"] if tilted else level
+    angles = [
+        _at_all_times(columns["t"], columns[one]) if one in columns else level for one in ("yaw", "pitch", "roll")
+    ]
+    if not tilted:
+        angles[1:] = level, level
+    attitude = Rotation.from_euler("ZYX", np.column_stack(angles))
+    body = attitude.inv().apply(np.column_stack([columns["vn"], columns["ve"], down]))
+    made = [name for name in ("uvw" if tilted else "uv") if name not in out]
+    out |= {name: array(body[:, "uvw".index(name)]) for name in made}
+    how = "roll, pitch and yaw" if tilted else "yaw, as of a level vehicle"
+    notes = (f"{', '.join(made)} are velocities north and east, turned by {how}",) if made else ()
+    return out, tuple(made), notes
+
+
+def _at_all_times(t: Array, angle: Array) -> Array:
+    """Angles (n,) [rad] between those that are known: rows of other instruments have none."""
+    known = np.flatnonzero(np.isfinite(angle))
+    known = known[np.argsort(t[known], kind="stable")]
+    return array(np.interp(t, t[known], np.unwrap(angle[known]))) if len(known) else angle
 
 
 def frame_by_depth(columns: Mapping[str, Array]) -> str:

@@ -30,6 +30,9 @@ COLUMNS: dict[str, str] = {
     "px": "position along a level axis, such as north [m]; with py and yaw: surge without u, sway without v",
     "py": "position to the right of px, seen from above [m]",
     "yaw": "heading from px, clockwise from above [rad]",
+    "vn": "velocity north, or along px [m/s]; with ve and yaw: surge without u, sway without v",
+    "ve": "velocity east, to the right of vn, seen from above [m/s]",
+    "vd": "velocity down, of a level world [m/s]; with vn, ve, yaw, roll and pitch: heave without w",
 }
 """Columns of a CSV record, in SNAME axes. Time, one velocity and the force on the same axis are needed."""
 
@@ -71,6 +74,7 @@ UNITS: dict[str, dict[str, float]] = {
     "pitch": _ANGLE,
     **dict.fromkeys(("depth", "px", "py"), _LENGTH),
     "yaw": _ANGLE,
+    **dict.fromkeys(("vn", "ve", "vd"), _SPEED),
     "t_ns": {},
 }
 """SI factor of each unit that a column may have."""
@@ -94,9 +98,9 @@ ORIGINS = frozenset({
 _AXES_OF_WORLD = "(north|east|down|enu|ned|world|map)"
 OTHERWISE = {
     re.compile(
-        rf"v[ned]|(.*_)?(v|vel|velocity|speed)(_?[xyz])?_{_AXES_OF_WORLD}"
-    ): "along axes of the world: turn them "
-    "by the attitude into u, v, w of the body, or name places north, east and yaw instead",
+        rf"(.*_)?(v|vel|velocity|speed)(_?[xyz])?_{_AXES_OF_WORLD}"
+    ): "along axes of the world: name them vn, ve "
+    "and vd (north, east, down), with roll, pitch and yaw, or turn them into u, v, w of the body",
     re.compile(r"(q|quat|quaternion|orientation)_?[wxyz0-3]|.*_orientation_[wxyz]"): "a quaternion: write roll, pitch "
     "and yaw",
 }
@@ -127,6 +131,10 @@ def _names() -> Iterator[tuple[str, str]]:
     yield from ((name, "t") for name in ("time", "timestamp", "time_stamp", "stamp", "header_stamp", "elapsed"))
     yield from (("phi", "roll"), ("theta", "pitch"), ("roll", "roll"), ("pitch", "pitch"), ("depth", "depth"))
     yield from (("psi", "yaw"), ("heading", "yaw"), ("north", "px"), ("east", "py"))
+    for axis, word, column in zip("xyz", ("north", "east", "down"), ("vn", "ve", "vd"), strict=True):
+        speeds = ("v", "vel", "velocity")
+        yield from ((name, column) for name in (column, *_pairs(word, (*speeds, "speed")), *_pairs(word[0], speeds)))
+        yield from ((f"{name}_ned", column) for name in (f"v{axis}", f"vel_{axis}", f"velocity_{axis}"))
     yield from ((name, f"p{axis}") for axis in "xy" for name in _pairs(axis, ("pos", "position")))
     for axis, word, speed, force in zip("xyz", ("surge", "sway", "heave"), "uvw", "XYZ", strict=True):
         speeds = [word, *_pairs(word, ("velocity", "vel", "speed")), f"v{axis}", f"linear_{axis}"]

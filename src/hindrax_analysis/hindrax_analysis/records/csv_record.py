@@ -8,7 +8,13 @@ import numpy as np
 
 from hindrax_analysis.records.bag_track import STEP_BACK_PERIODS, STEP_BACK_S, are_exact, ways_from_poses
 from hindrax_analysis.records.csv_angles import in_radians
-from hindrax_analysis.records.csv_axes import frame_by_depth, with_angles, with_depths
+from hindrax_analysis.records.csv_axes import (
+    OF_WORLD,
+    frame_by_depth,
+    with_angles,
+    with_depths,
+    with_velocities_of_world,
+)
 from hindrax_analysis.records.csv_columns import (
     Meaning,
     Row,
@@ -115,12 +121,14 @@ def read_records(
         forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
         columns |= zip(FORCES, forces.T, strict=True)
     columns, by_angles = in_radians(columns, unnamed, vehicle.inertia if vehicle else ())
+    columns, made, by_world = with_velocities_of_world(columns)
     # Forces of outputs are in the axes of the vehicle file, whatever those of the velocities are.
     of_messages = [*(FORCES if outputs else ""), *(meanings[i].name for i in meanings if is_of_message(header[i]))]
     frame, columns, axes = _axes(columns, frame, of_messages)
-    if outputs and frame == "flu":
+    if frame == "flu":
         # The whole record is turned below, and these are in SNAME axes already.
-        columns |= {name: array(sign * columns[name]) for name, sign in zip(FORCES, HALF_TURN.tolist(), strict=True)}
+        signs = dict(zip((*FORCES, *"uvw"), [*HALF_TURN.tolist(), *HALF_TURN[:3].tolist()], strict=True))
+        columns |= {name: array(signs[name] * columns[name]) for name in (*(FORCES if outputs else ""), *made)}
     tables = [{name: values[piece] for name, values in columns.items()} for piece in _pieces(columns["t"])]
     spread = [_spread(one, source) for one in tables]
     coarse = COARSE_CLOCK if any(one is not other for one, other in zip(spread, tables, strict=True)) else ""
@@ -129,7 +137,7 @@ def read_records(
     steps = "once" if len(recordings) == 2 else f"{len(recordings) - 1} times"
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
     twice = f"{repeated} lines that repeat others were left out" if repeated else ""
-    assumptions = tuple(one for one in (by_size, *by_angles, *axes, forces_are, twice, coarse, back) if one)
+    assumptions = tuple(one for one in (by_size, *by_angles, *by_world, *axes, forces_are, twice, coarse, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
 
@@ -266,8 +274,10 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
     outputs = {} if set(FORCES) & set(names) else output_columns(header)
     forces = FORCES if outputs else names
     pairs = [(speed, force) for speed, force in zip("uvwpqr", FORCES, strict=True) if force in forces]
-    others = {"w": {"depth"}, "u": PLACE, "v": PLACE}
-    usable = [force for speed, force in pairs if {speed} <= set(names) or others.get(speed, {""}) <= set(names)]
+    others = {"w": ({"depth"}, OF_WORLD | {"vd"}), "u": (PLACE, OF_WORLD), "v": (PLACE, OF_WORLD)}
+    usable = [
+        force for speed, force in pairs if any(shown <= set(names) for shown in ({speed}, *others.get(speed, ())))
+    ]
     if "t" not in names or not (usable or (part and (outputs or len(names) > 1))):
         raise HindraxError(
             f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
@@ -281,6 +291,8 @@ def _hint(names: set[str], header: list[str]) -> str:
     """Remedy for the missing part of a record."""
     if "t" not in names:
         return "; speeds and forces without times are for `./hindrax towing`"
+    if {"vn", "ve"} <= names and "yaw" not in names:
+        return "; vn and ve are turned into u and v by a column yaw, and with vd, roll and pitch into w: add them"
     misses = otherwise_recorded(header)
     misses += [miss for cell in header if not meaning_of(cell) and (miss := near_miss(cell))]
     if misses:
