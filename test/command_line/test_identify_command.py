@@ -64,6 +64,7 @@ DEFINITIONS = {
     f"geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n{PARTS}",
     "marine_acoustic_msgs/msg/Dvl": f"{STAMPED}uint8 velocity_mode\ngeometry_msgs/Vector3 velocity\n"
     f"float64[9] velocity_covar\n{PARTS}",
+    "sensor_msgs/msg/FluidPressure": f"{STAMPED}float64 fluid_pressure\nfloat64 variance\n{PARTS}",
     "dvl_msgs/msg/DVL": f"{STAMPED}geometry_msgs/Vector3 velocity\nfloat64 fom\nfloat64 altitude\n"
     f"bool velocity_valid\n{PARTS}",
     "mavros_msgs/msg/RCOut": f"{STAMPED}uint16[] channels\n{PARTS}",
@@ -721,6 +722,44 @@ def test_an_orientation_that_is_none_is_no_attitude(tmp_path: Path, angles: Arra
     assert found.velocity[np.isfinite(found.velocity[:, 3]), 3] == pytest.approx(ROLL_radps)
     note = "/imu: its orientation does not change as its rates say, and is not used"
     assert (note in found.assumptions) == said
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01], ids=["pascal", "hectopascal"])
+def test_without_a_velocity_of_heave_the_pressure_of_the_water_gives_depths(tmp_path: Path, unit: float) -> None:
+    """A BlueROV2 without a DVL: an inertial sensor, a Bar30, and the air in its hull, which the sun warms."""
+    depth_m = 1.0 + 0.5 * np.sin(IMU_S)
+    pressures = {"/bar30/pressure": unit * (101325.0 + 9806.65 * depth_m), "/imu/static_pressure": 1e5 + 2e3 * IMU_S}
+    topics = [
+        ("sensor_msgs/msg/FluidPressure", name, [
+            (at, {"header": header_of(START_S + at, ""), "fluid_pressure": value, "variance": 0.0})
+            for at, value in zip(IMU_S.tolist(), values.tolist(), strict=True)
+        ])
+        for name, values in pressures.items()
+    ]  # fmt: skip
+    thrust = reported(wrench_message, THRUST, flown(end_s=5.0)[1], 2)
+    bag = bag_of(tmp_path / "a.mcap", [(INERTIAL, "/imu", imu_rows(IMU_S, ROLL_radps, ROLL_rad)), thrust, *topics])
+    (found,) = read_bag(bag, TopicSelection(odometry="/imu"), topics_of(bag))
+    known = np.isfinite(found.attitude[:, 2])
+    assert found.attitude[known, 2] == pytest.approx(depth_m, abs=1e-3)
+    assert found.attitude[~known, 0] == pytest.approx(ROLL_rad, abs=1e-6)
+    by_size = "" if unit == 1.0 else ", taken as hectopascal by their size"
+    assert f"depths follow from the pressures of /bar30/pressure{by_size}" in found.assumptions
+
+
+def test_heave_of_a_bag_without_a_dvl_follows_from_the_pressure(desk: Desk) -> None:
+    (t, v), (t_w, force) = flown(noise=0.0)
+    depth_m = 2.0 + np.cumsum(np.diff(t, prepend=t[0]) * v) + np.random.default_rng(2).normal(0.0, 0.003, len(t))
+    rows = [
+        (at, {"header": header_of(START_S + at, ""), "fluid_pressure": 101325.0 + 9806.65 * one, "variance": 0.0})
+        for at, one in zip(t.tolist(), depth_m.tolist(), strict=True)
+    ]
+    floats_N = load_vehicle(desk.small).net_buoyancy_N
+    thrust = reported(wrench_message, THRUST, (t_w, -(force + floats_N)), 2)
+    pressure = ("sensor_msgs/msg/FluidPressure", "/bar30/pressure", rows)
+    bag = bag_of(desk.folder / "a.mcap", [(INERTIAL, "/imu", imu_rows(t, 0.0 * t)), thrust, pressure])
+    heave = desk.of_small(bag, "--odometry", "/imu")["motions"]["heave_down"]
+    assert heave["identifiable"]
+    assert is_true(heave)
 
 
 def test_two_inertial_sensors_that_know_as_much_leave_it_open(tmp_path: Path) -> None:

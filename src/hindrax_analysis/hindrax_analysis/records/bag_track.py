@@ -34,6 +34,7 @@ NAMED_VELOCITY_TYPES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
 )
 """Used as velocities only when named: commands, rates alone, and positions have these types too."""
+PRESSURE = "sensor_msgs/msg/FluidPressure"
 WRENCH_TYPES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
 
 UNKNOWN = float("nan")
@@ -72,12 +73,14 @@ class Track:
 
     def add(self, message: BagMessage) -> None:
         """Append one message; DamagedMessageError, and nothing is appended, where it cannot be decoded."""
-        content = message.decoded()
+        content: Any = message.decoded()
         header = getattr(content, "header", None)
         self.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header else 0)
         self.received.append(message.received)
         self.frame = header.frame_id if header else ""
-        if self.values is not None:
+        if self.kind == PRESSURE:
+            self.rows.append([float(content.fluid_pressure)])
+        elif self.values is not None:
             self.rows.append(self.values.row(self.kind, content))
         elif self.kind in WRENCH_TYPES:
             wrench = getattr(content, "wrench", content)

@@ -13,6 +13,7 @@ from hindrax_analysis.records.bag_track import (
     COMPARED_S,
     DOPPLER_TYPES,
     NAMED_VELOCITY_TYPES,
+    PRESSURE,
     UNKNOWN,
     VELOCITY_TYPES,
     WRENCH_TYPES,
@@ -32,6 +33,7 @@ from hindrax_bag.read.bag_reader import DamagedMessageError, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
 from hindrax_core.errors import UsageError
+from hindrax_core.hydrostatics import Water
 from hindrax_core.topics import ALLOCATION, MANEUVER, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, Index, array
@@ -39,6 +41,12 @@ from hindrax_ident.arrays import Array, Index, array
 FEWEST_MESSAGES = 20
 """Fewer velocities than this between steps back of the stamps are no record."""
 IMU = "sensor_msgs/msg/Imu"
+OF_AIR = ("/static_pressure", "/diff_pressure")
+"""Ends of topics with pressures that say nothing of the depth."""
+LEAST_Pa = 50_000.0
+"""Less than the pressure of the air on any lake."""
+LEAST_DIVE_m = 0.1
+"""Range of depths from which a pressure is that of the water: the air in a hull is warmed, too."""
 UPRIGHT_rad = 0.5
 """Tilts below which roll and pitch change by the rates about their axes, nearly."""
 STILL_rad = 0.02
@@ -130,7 +138,9 @@ def read_bag(
     possible = tuple({*PULSE_FIELDS, topics[named.topic]} if named.field and named.topic in topics else PULSE_FIELDS)
     wrench = _choose(bag, topics, (WRENCH_TYPES, possible), named.topic, ("force", "--wrench"))
     gyros = [name for name, kind in topics.items() if kind == IMU and name not in (velocity, wrench)]
-    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench, *gyros)}
+    # Of MAVROS, these are pressures of the air in the hull.
+    pressures = [name for name, kind in topics.items() if kind == PRESSURE and not name.endswith(OF_AIR)]
+    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench, *gyros, *pressures)}
     if named.path(topics[wrench]):
         unit = named.unit or (PULSES if topics[wrench].startswith("mavros_msgs/") else "")
         tracks[wrench].values = replace(named, topic=wrench, unit=unit)
@@ -149,6 +159,8 @@ def read_bag(
     found = [_recording(bag, v, w, wanted.frame, vehicle) for v, w in parts]
     if len(parts) == 1 and gyros and not np.nan_to_num(found[0].velocity[:, 3:]).any():
         found = [_with_inertial(found[0], [tracks[name] for name in gyros], wanted.frame, velocity)]
+    if len(parts) == len(pressures) == 1 and not np.isfinite(found[0].attitude[:, 2:]).any():
+        found = [_with_depths(found[0], tracks[pressures[0]], vehicle.water if vehicle else Water())]
     return [replace(one, assumptions=(*one.assumptions, *back, *damage.sentences)) for one in found]
 
 
@@ -291,6 +303,33 @@ def _tilts_of_inertial(sensor: Track, t: Array, rows: Array, signs: Array, notes
         notes.append(f"{sensor.topic}: its orientation does not change as its rates say, and is not used")
         return nothing
     return array(np.column_stack([tilts, np.full(len(tilts), np.nan)]))
+
+
+def _with_depths(record: Recording, sensor: Track, water: Water) -> Recording:
+    """The record with the depths of a pressure sensor; unchanged where the pressure hardly changes, as in a hull.
+
+    The message is in pascal; many a driver fills in hectopascal (millibar), which no water has as a pressure in pascal.
+    """
+    pressure = np.array(sensor.rows or [[UNKNOWN]])[:, 0]
+    known = np.isfinite(pressure)
+    in_hectopascal = known.any() and float(np.median(pressure[known])) < LEAST_Pa
+    depths = [water.depth_m(one) for one in (pressure * (100.0 if in_hectopascal else 1.0)).tolist()]
+    times = [1e-9 * np.array(one, dtype=float) - record.origin_s for one in (sensor.stamped, sensor.received)]
+    there = [t for t in times if len(t) and t[0] < record.end_s and t[-1] > record.begin_s]
+    if not there or not np.ptp(np.array(depths)[known]) > LEAST_DIVE_m:
+        return record
+    rows = np.full((int(known.sum()), 3), np.nan)
+    rows[:, 2] = np.array(depths)[known]
+    t = np.concatenate([record.attitude_t, there[0][known]])
+    order = np.argsort(t, kind="stable")
+    unit = ", taken as hectopascal by their size" if in_hectopascal else ""
+    note = f"depths follow from the pressures of {sensor.topic}{unit}"
+    return replace(
+        record,
+        attitude_t=array(t[order]),
+        attitude=array(np.concatenate([record.attitude.reshape(-1, 3), rows])[order]),
+        assumptions=(*record.assumptions, note),
+    )
 
 
 def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, vehicle: Vehicle | None) -> Array:
