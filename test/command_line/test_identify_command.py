@@ -30,7 +30,7 @@ from hindrax_control.allocation.thrust_curve import AppliedWrench, thrust_curves
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.testing.synthetic_runs import Flight, back_and_forth, fly
 from hindrax_tools import ardusub
@@ -655,8 +655,8 @@ def imu_rows(
     ]  # fmt: skip
 
 
-IMU_S = np.arange(0.0, 5.0, 0.02)
-ROLL_rad, ROLL_radps = 0.2 * np.sin(2.0 * IMU_S), 0.4 * np.cos(2.0 * IMU_S)
+IMU_S = array(np.arange(0.0, 5.0, 0.02))
+ROLL_rad, ROLL_radps = array(0.2 * np.sin(2.0 * IMU_S)), array(0.4 * np.cos(2.0 * IMU_S))
 INERTIAL = "sensor_msgs/msg/Imu"
 
 
@@ -687,7 +687,7 @@ def test_reports_of_a_doppler_log_are_velocities_in_its_axes(tmp_path: Path, kin
     (t, v), (t_w, w) = flown(end_s=5.0)
     thrust = reported(wrench_message, THRUST, (t_w, -w), 1)
     sensor = (INERTIAL, "/imu/data", imu_rows(IMU_S, ROLL_radps, ROLL_rad))
-    raw = (INERTIAL, "/imu/data_raw", imu_rows(IMU_S, 9.0 * ROLL_radps))
+    raw = (INERTIAL, "/imu/data_raw", imu_rows(IMU_S, array(9.0 * ROLL_radps)))
     bag = bag_of(tmp_path / "a.mcap", [doppler_rows(kind, t, v, (3, 4)), thrust, sensor, raw])
     (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
     assert found.velocity[np.isfinite(found.velocity[:, 1]), 1] == pytest.approx(np.delete(v, [3, 4]))
@@ -709,7 +709,7 @@ def test_what_a_navigator_made_of_a_doppler_log_comes_first(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("angles", "said"),
-    [(-ROLL_rad, True), (0.0 * ROLL_rad, False), (None, False)],
+    [(array(-ROLL_rad), True), (array(0.0 * ROLL_rad), False), (None, False)],
     ids=["of another axis", "a constant", "none"],
 )
 def test_an_orientation_that_is_none_is_no_attitude(tmp_path: Path, angles: Array | None, said: bool) -> None:
@@ -756,7 +756,7 @@ def test_heave_of_a_bag_without_a_dvl_follows_from_the_pressure(desk: Desk) -> N
     floats_N = load_vehicle(desk.small).net_buoyancy_N
     thrust = reported(wrench_message, THRUST, (t_w, -(force + floats_N)), 2)
     pressure = ("sensor_msgs/msg/FluidPressure", "/bar30/pressure", rows)
-    bag = bag_of(desk.folder / "a.mcap", [(INERTIAL, "/imu", imu_rows(t, 0.0 * t)), thrust, pressure])
+    bag = bag_of(desk.folder / "a.mcap", [(INERTIAL, "/imu", imu_rows(t, array(0.0 * t))), thrust, pressure])
     heave = desk.of_small(bag, "--odometry", "/imu")["motions"]["heave_down"]
     assert heave["identifiable"]
     assert is_true(heave)

@@ -5,7 +5,7 @@ import pytest
 
 from hindrax_analysis.records.csv_record import read_records
 from hindrax_analysis.records.recording import Recording
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 
 T = np.arange(0.0, 40.0, 0.1)
 SINKS = 0.2 * np.sin(T / 3.0)
@@ -99,8 +99,8 @@ def test_fields_of_ros_messages_are_in_its_axes_as_in_a_bag(header: str, turned:
     assert any("REP-103" in one for one in found.assumptions) == turned
 
 
-YAW, ROLL, PITCH = 3.0 + 0.2 * T, 0.3 * np.sin(T), 0.4 * np.cos(0.7 * T)
-FORWARD, ASIDE = 0.5 * np.sin(0.5 * T), 0.2 * np.cos(0.4 * T)
+LEVEL, YAW, ROLL, PITCH = map(array, (0.0 * T, 3.0 + 0.2 * T, 0.3 * np.sin(T), 0.4 * np.cos(0.7 * T)))
+FORWARD, ASIDE = array(0.5 * np.sin(0.5 * T)), array(0.2 * np.cos(0.4 * T))
 
 
 def of_world(*body: Array, angles: tuple[Array, Array, Array]) -> dict[str, Array]:
@@ -116,7 +116,7 @@ def of_world(*body: Array, angles: tuple[Array, Array, Array]) -> dict[str, Arra
 @pytest.mark.parametrize("frame", ["", "flu"])
 def test_velocities_of_the_world_are_turned_into_those_of_the_body(frame: str) -> None:
     moved = of_world(FORWARD, ASIDE, SINKS, angles=(ROLL, PITCH, YAW))
-    angles = {"roll_rad": ROLL, "pitch_rad": PITCH, "heading_rad": (YAW + np.pi) % (2.0 * np.pi) - np.pi}
+    angles = {"roll_rad": ROLL, "pitch_rad": PITCH, "heading_rad": array((YAW + np.pi) % (2.0 * np.pi) - np.pi)}
     found = read({**moved, **angles, "X": PUSH, "Z": PUSH}, frame)
     assert found.velocity[:, :3] == pytest.approx(np.column_stack([FORWARD, ASIDE, SINKS]), abs=1e-5)
     assert found.wrench[:, 2] == pytest.approx(-PUSH if frame else PUSH, abs=1e-5)
@@ -124,7 +124,7 @@ def test_velocities_of_the_world_are_turned_into_those_of_the_body(frame: str) -
 
 
 def test_without_roll_and_pitch_the_vehicle_is_level_and_heave_is_unknown() -> None:
-    moved = of_world(FORWARD, ASIDE, SINKS, angles=(0.0 * T, 0.0 * T, YAW))
+    moved = of_world(FORWARD, ASIDE, SINKS, angles=(LEVEL, LEVEL, YAW))
     found = read({**moved, "yaw_rad": YAW, "X": PUSH})
     assert found.velocity[:, :2] == pytest.approx(np.column_stack([FORWARD, ASIDE]), abs=1e-5)
     assert not np.isfinite(found.velocity[:, 2]).any()
@@ -132,14 +132,14 @@ def test_without_roll_and_pitch_the_vehicle_is_level_and_heave_is_unknown() -> N
 
 
 def test_a_velocity_of_the_body_in_the_file_stays() -> None:
-    moved = of_world(FORWARD, ASIDE, SINKS, angles=(0.0 * T, 0.0 * T, YAW))
-    found = read({**moved, "yaw_rad": YAW, "u": 0.5 * FORWARD, "X": PUSH})
+    moved = of_world(FORWARD, ASIDE, SINKS, angles=(LEVEL, LEVEL, YAW))
+    found = read({**moved, "yaw_rad": YAW, "u": array(0.5 * FORWARD), "X": PUSH})
     assert found.velocity[:, 0] == pytest.approx(0.5 * FORWARD, abs=1e-5)
     assert found.velocity[:, 1] == pytest.approx(ASIDE, abs=1e-5)
 
 
 def test_angles_may_stand_in_other_rows_than_velocities() -> None:
-    moved = of_world(FORWARD, ASIDE, SINKS, angles=(0.0 * T, 0.0 * T, YAW))
+    moved = of_world(FORWARD, ASIDE, SINKS, angles=(LEVEL, LEVEL, YAW))
     rows = [
         f"{t:.3f},{n:.6f},{e:.6f},,{x:.6f}"
         for t, n, e, x in zip(T, moved["VN"], moved["velocity_east"], PUSH, strict=True)

@@ -132,8 +132,8 @@ def _names() -> Iterator[tuple[str, str]]:
     yield from (("phi", "roll"), ("theta", "pitch"), ("roll", "roll"), ("pitch", "pitch"), ("depth", "depth"))
     yield from (("psi", "yaw"), ("heading", "yaw"), ("north", "px"), ("east", "py"))
     for axis, word, column in zip("xyz", ("north", "east", "down"), ("vn", "ve", "vd"), strict=True):
-        speeds = ("v", "vel", "velocity")
-        yield from ((name, column) for name in (column, *_pairs(word, (*speeds, "speed")), *_pairs(word[0], speeds)))
+        along = ("v", "vel", "velocity")
+        yield from ((name, column) for name in (column, *_pairs(word, (*along, "speed")), *_pairs(word[0], along)))
         yield from ((f"{name}_ned", column) for name in (f"v{axis}", f"vel_{axis}", f"velocity_{axis}"))
     yield from ((name, f"p{axis}") for axis in "xy" for name in _pairs(axis, ("pos", "position")))
     for axis, word, speed, force in zip("xyz", ("surge", "sway", "heave"), "uvw", "XYZ", strict=True):

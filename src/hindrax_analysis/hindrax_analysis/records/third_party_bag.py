@@ -223,11 +223,11 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         ways = ways_from_poses(poses[0][known], poses[1][known])
         if not are_exact(ways):
             way_t, way = array(at_v[known]), ways
-    tilts = np.zeros((0, 3))
+    tilts = NO_WAYS
     if poses and velocity.kind == IMU:
         tilts = _tilts_of_inertial(velocity, at_v, moving * signs, signs, axes.notes)
     elif poses:
-        tilts = np.column_stack([tilts_of(poses[1]) * [1.0, signs[1]], np.full(len(at_v), np.nan)])
+        tilts = array(np.column_stack([tilts_of(poses[1]) * [1.0, signs[1]], np.full(len(at_v), np.nan)]))
     return Recording(
         source=str(bag),
         velocity_t=moving_t,
@@ -235,7 +235,7 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         wrench_t=array(at_w),
         wrench=_forces(wrench, velocity, signs, axes, vehicle)[w],
         attitude_t=array(at_v) if len(tilts) else NO_TIMES,
-        attitude=array(tilts),
+        attitude=tilts,
         origin_s=1e-9 * float(origin),
         assumptions=tuple(axes.notes),
         way_t=way_t,

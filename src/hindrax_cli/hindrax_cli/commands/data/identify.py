@@ -68,10 +68,11 @@ ABOUT = """
 Bags of this stack reproduce the numbers of their pool test. In third-party bags (MCAP or sqlite3) velocities are found
 as Odometry, TwistStamped or TwistWithCovarianceStamped, without these as reports of a DVL (marine_acoustic_msgs/Dvl,
 dvl_msgs/DVL, in the axes of the instrument); rates and attitude that they lack are those of the only Imu, depths those
-of the only FluidPressure; forces are found as WrenchStamped or Wrench. Body axes follow from the name of the frame: *_fsd, *_frd or *_ned point down, and so
-does a body in a world of such a name; others are REP-103 and are turned; --frame overrides. Stamps that step back begin
-another record. Where --wrench and --odometry name them, pulses (UInt16MultiArray, mavros RCOut and the like) become
-forces by the thrust curves of the vehicle file, and poses become velocities.
+of the only FluidPressure; forces are found as WrenchStamped or Wrench. Body axes follow from the name of the frame:
+*_fsd, *_frd or *_ned point down, and so does a body in a world of such a name; others are REP-103 and are turned;
+--frame overrides. Stamps that step back begin another record. Where --wrench and --odometry name them, pulses
+(UInt16MultiArray, mavros RCOut and the like) become forces by the thrust curves of the vehicle file, and poses become
+velocities.
 Logs of ArduPilot (.bin, .tlog) and PX4 (.ulg) give velocities and attitude of its estimator and the pulses of the
 outputs, at the logged voltage.
 Several records of one vehicle are pooled, and the spread between them is shown. CSV files one after the other that
