@@ -73,7 +73,7 @@ class Track:
 
     def add(self, message: BagMessage) -> None:
         """Append one message; DamagedMessageError, and nothing is appended, where it cannot be decoded."""
-        content: Any = message.decoded()
+        content = message.decoded()
         header = getattr(content, "header", None)
         self.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header else 0)
         self.received.append(message.received)
@@ -141,7 +141,7 @@ def _twist(content: Any) -> list[float]:
     return [value if 0.0 <= variance < UNKNOWN_VARIANCE else UNKNOWN for value, variance in pairs]
 
 
-def _doppler(content: Any) -> list[float]:
+def _doppler(content: object) -> list[float]:
     """Velocity over ground of the instrument's report; NaN where the report itself says that it is none.
 
     marine_acoustic_msgs: `velocity_mode` 1 is over ground, a variance below 0 no measurement. Drivers of Water Linked's
@@ -153,15 +153,18 @@ def _doppler(content: Any) -> list[float]:
         and getattr(content, "velocity_mode", BOTTOM) == BOTTOM
         and 0.0 <= covariance[0] < UNKNOWN_VARIANCE
     )
+    if not (valid and hasattr(content, "velocity")):
+        return [UNKNOWN] * 3
     v = content.velocity
-    return [float(v.x), float(v.y), float(v.z)] if valid else [UNKNOWN] * 3
+    return [float(v.x), float(v.y), float(v.z)]
 
 
-def _orientation(content: Any) -> list[float]:
+def _orientation(content: object) -> list[float]:
     """Quaternion x, y, z, w of an inertial sensor; NaN where its message says that it has none (covariance -1)."""
+    if not hasattr(content, "orientation") or not getattr(content, "orientation_covariance", (-1.0,))[0] >= 0.0:
+        return [UNKNOWN] * 4
     q = content.orientation
-    known = content.orientation_covariance[0] >= 0.0
-    return [float(q.x), float(q.y), float(q.z), float(q.w)] if known else [UNKNOWN] * 4
+    return [float(q.x), float(q.y), float(q.z), float(q.w)]
 
 
 def quaternions_of(track: Track) -> Array:
