@@ -55,7 +55,7 @@ def weigh_on(
     list[Hold]
         Means over `HOLD_S`, after `SETTLE_S`; one for each load.
     """
-    from hindrax_operator.nodes.orders import hold, until  # noqa: PLC0415  # rclpy reads the environment first
+    from hindrax_operator.nodes.orders import hold, until, while_armed  # noqa: PLC0415  # rclpy reads the environment first
 
     served = servable_motions(AXES, vehicle).flown
     hold(operator, ("heading", "depth", "station"), math.nan, engaged=True)
@@ -70,7 +70,8 @@ def weigh_on(
     spans = []
     for load in loads:
         ask(load)
-        operator.wait(ready, PATIENCE_S, lambda: "the load to hang")
+        # A guard that disarms while a person hangs the load is told then, and not when Enter is pressed.
+        operator.wait(while_armed(operator, ready, "the weighing"), PATIENCE_S, lambda: "the load to hang")
         report(f"settling for {SETTLE_S:.0f} s")
         begin = after(operator.now(), SETTLE_S)
         until(operator, partial(collect, begin, keep=False), SETTLE_S, "the weighing")

@@ -24,7 +24,7 @@ class PushingStack:
     """An operator's view of a vehicle that keeps its place; every spin is a tenth of a second."""
 
     def __init__(self) -> None:
-        self.thrusters, self.unobeyed = SimpleNamespace(armed=True, state="armed"), ""
+        self.thrusters, self.unobeyed = SimpleNamespace(armed=True, state="armed", reason=""), ""
         self.load, self._now, self.asked = 0.0, stamp_from_s(50.0), 0
 
     def now(self) -> Stamp:
@@ -85,8 +85,13 @@ def test_a_vehicle_that_is_disarmed_meanwhile_ends_it(held: list[str]) -> None:
     stack: Any = PushingStack()
 
     def disarm(_load: float) -> None:
-        stack.thrusters = SimpleNamespace(armed=False, state="disarmed")
+        stack.thrusters = SimpleNamespace(armed=False, state="disarmed", reason="divergence: it does not turn")
 
-    with pytest.raises(HindraxError, match="the weighing ended early: the thrusters are disarmed"):
-        weigh_on(stack, VEHICLE, 0, LOADS, ready=lambda: True, ask=disarm, report=lambda _: None)
+    def never() -> bool:
+        """It is told while the load is being hung: nobody has pressed Enter yet."""
+        return False
+
+    words = r"the weighing ended early: the thrusters are disarmed \(divergence: it does not turn\)"
+    with pytest.raises(HindraxError, match=words):
+        weigh_on(stack, VEHICLE, 0, LOADS, ready=never, ask=disarm, report=lambda _: None)
     assert held

@@ -172,15 +172,22 @@ def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> Allocation
 
 def until(operator: Operator, over: Callable[[], bool], seconds: float, what: str) -> None:
     """Spin until it is over, about `seconds` of vehicle time; HindraxError when the thrusters are disarmed before."""
+    done = while_armed(operator, over, what)
+    operator.wait(done, seconds / SLOWEST_PACE + ANSWER_S, lambda: f"{what} to end; the clock has stopped")
+
+
+def while_armed(operator: Operator, over: Callable[[], bool], what: str) -> Callable[[], bool]:
+    """Whether it is over; HindraxError with the state of the thrusters and its reason once they are not armed."""
 
     def done() -> bool:
         if not operator.armed:
-            state = operator.thrusters.state if operator.thrusters is not None else "silent"
+            now = operator.thrusters
+            state = "silent" if now is None else state_and_reason(now.state, now.reason)
             raise HindraxError(f"{what} ended early: the thrusters are {state}")
         require_obedience(operator)
         return over()
 
-    operator.wait(done, seconds / SLOWEST_PACE + ANSWER_S, lambda: f"{what} to end; the clock has stopped")
+    return done
 
 
 def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool) -> list[str]:
