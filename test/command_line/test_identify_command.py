@@ -371,7 +371,7 @@ def test_a_record_that_moves_axes_at_once_is_fitted_with_all_of_them_unless_told
 ) -> None:
     asked = []
 
-    def refuses(*_arguments: object) -> None:
+    def refuses(*_arguments: object, **_more: object) -> None:
         asked.append(1)
         raise UsageError("no stretch is long enough")
 

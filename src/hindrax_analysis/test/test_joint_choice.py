@@ -1,15 +1,25 @@
 """When all axes are fitted together: by the number of axes that a record pushes on at once."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hindrax_analysis.identification.joint_identification import SEVERAL, axes_at_once, wants_joint_fit
+from hindrax_analysis.identification.joint_identification import (
+    SEVERAL,
+    _before_filters,
+    axes_at_once,
+    filters_found,
+    wants_joint_fit,
+)
 from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, Span
 from hindrax_analysis.records.recording import Recording
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.results import MotionResult, Results
 
 T = array(np.arange(0.0, 60.0, 0.05))
 EMPTY_ANGLES = array(np.zeros((0, 3)))
@@ -25,6 +35,34 @@ def sines(count: int) -> Array:
     out = np.zeros((len(T), 6))
     out[:, :count] = np.sin(T)[:, None]
     return array(out)
+
+
+def results(**qualities: dict[str, float]) -> Results:
+    """What single axes have found of a filter, by motion."""
+    motions = {motion: MotionResult(motion, "", {}, False, quality=found) for motion, found in qualities.items()}
+    return Results(motions, load_vehicle(default_vehicle()))
+
+
+def test_a_filter_of_one_axis_is_that_of_its_instrument() -> None:
+    """Of turns only where they show it themselves: rates of a gyroscope are not those of a DVL."""
+    none = results(surge={}, roll={"filter_hint_s": 0.7}, yaw={"filter_hint_s": 0.5})
+    assert filters_found(none) == {}
+    surge = results(surge={"smoothing_s": 1.1}, heave_down={"filter_doubt_s": 0.9}, yaw={"filter_hint_s": 2.3})
+    assert filters_found(surge) == {0: 1.1, 1: pytest.approx(1.0), 2: 0.9}
+    both = results(surge={"smoothing_s": 1.1}, yaw={"filter_hint_s": 1.0})
+    assert filters_found(both) == dict.fromkeys(range(6), 1.1)
+
+
+def test_filters_of_all_axes_are_undone_before_they_are_fitted_together() -> None:
+    record = pushed(sines(6))
+    velocity = record.velocity.copy()
+    kept = math.exp(-0.05 / 0.8)
+    for k in range(1, len(T)):
+        velocity[k, :2] = record.velocity[k, :2] + (velocity[k - 1, :2] - record.velocity[k, :2]) * kept
+    velocity[::3, 1] = np.nan
+    found = _before_filters(replace(record, velocity=array(velocity)), {0: 0.8})
+    assert found.velocity[:, 0] == pytest.approx(record.velocity[:, 0], abs=1e-9)
+    assert np.array_equal(found.velocity[:, 1:], velocity[:, 1:], equal_nan=True)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 6])

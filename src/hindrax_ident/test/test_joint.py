@@ -124,6 +124,17 @@ def test_an_axis_whose_thrust_has_two_frequencies_is_not_identified(fit: JointFi
         assert Code.FEW_FREQUENCIES in {one.code for one in motion.reasons}, name
 
 
+def test_a_thrust_that_no_thruster_gives_so_late_identifies_nothing(fit: JointFit) -> None:
+    """A filter of the velocities is a slow thruster to a fit without one, and the masses are wrong by what it holds."""
+    slow = dataclasses.replace(fit, theta=array(np.concatenate([[0.56], fit.theta[1:]])))
+    for motion in joint_results(slow, VEHICLE).motions.values():
+        (reason,) = [one for one in motion.reasons if one.code is Code.SLOW_THRUST]
+        assert reason.startswith("the thrust acts 0.56 s late in this fit, wanted 0.45 s at most")
+    known = dataclasses.replace(slow, terms=(dataclasses.replace(fit.terms[0], mean=0.5), *fit.terms[1:]))
+    codes = [one.code for motion in joint_results(known, VEHICLE).motions.values() for one in motion.reasons]
+    assert Code.SLOW_THRUST not in codes, "one whose lag the vehicle file has"
+
+
 def test_results_have_the_matrix_a_budget_and_verdicts(fit: JointFit) -> None:
     found = joint_results(fit, VEHICLE)
     document = found.to_json()

@@ -84,6 +84,15 @@ SAID = {
     "the record alone would make it -1.2 +- 0.8 N s/m",
     objection(Code.SMOOTHED_VELOCITY, smoothing_s=1.04): "the velocity is smoothed, as by a filter of 1 s, which was "
     "undone: record it as the instrument gives it",
+    objection(
+        Code.PERHAPS_SMOOTHED, filter_s=0.98
+    ): "the velocity looks smoothed, as by a filter of 0.98 s that cannot "
+    "be undone here, which is in the uncertainty: record it as the instrument gives it",
+    objection(
+        Code.SLOW_THRUST, lag_s=0.561, wanted_s=0.45
+    ): "the thrust acts 0.56 s late in this fit, wanted 0.45 s at "
+    "most: the velocities look smoothed; record them as the instrument gives them, or give the lag of the thrusters in "
+    "the vehicle file",
     objection(Code.EVIDENCE, **CAUSE): "evidence of tether (2.5 +- 0.4 N): hold it slack",
     objection(Code.UNEXPLAINED_RESIDUALS, **CAUSE): "no influence explains the residuals; the nearest, tether (2.5 +- "
     "0.4 N), is 12 times the size in a pool: it is part of the uncertainty, but hardly the cause",

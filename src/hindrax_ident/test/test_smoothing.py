@@ -1,11 +1,13 @@
 """Velocities that a filter has smoothed: its time constant is found and undone, and a slow thruster is no filter."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.fit import smoothing
 from hindrax_ident.fit.delay import fit_with_delays
 from hindrax_ident.fit.output_error import OutputErrorFit
 from hindrax_ident.fit.smoothing import unsmoothed, with_smoothing
@@ -56,6 +58,27 @@ def test_a_filter_is_found_and_undone() -> None:
 @pytest.mark.parametrize("lag_s", [0.1, 0.4])
 def test_a_slow_thruster_is_no_filter(lag_s: float) -> None:
     record, fit = flown(0.0, lag_s)
+    assert with_smoothing(record, fit, SURGE, PRIOR, DOUBT_S) == (record, fit)
+
+
+def test_a_filter_without_which_the_body_could_not_be_is_a_doubt() -> None:
+    """The velocities of a pilot are smoothed on all axes; those across make the fit of one too light."""
+    record, fit = flown(1.0, 0.1)
+    heavy = Model(0, 1.2 * THETA[-1])
+    found, same = with_smoothing(record, fit, heavy, PRIOR, DOUBT_S)
+    assert same == fit
+    assert found.smoothing_s == 0.0
+    assert found.filter_doubt_s == pytest.approx(1.0, rel=0.1)
+    assert replace(found, filter_doubt_s=0.0) == record
+
+
+def test_a_filter_that_explains_little_is_no_more_than_a_hint(monkeypatch: pytest.MonkeyPatch) -> None:
+    record, fit = flown(1.0, 0.1)
+    monkeypatch.setattr(smoothing, "NEARER", 0.0)
+    found, same = with_smoothing(record, fit, SURGE, PRIOR, DOUBT_S)
+    assert (same, found.smoothing_s, found.filter_doubt_s) == (fit, 0.0, 0.0)
+    assert found.filter_hint_s == 1.0
+    monkeypatch.setattr(smoothing, "HINT", 0.0)
     assert with_smoothing(record, fit, SURGE, PRIOR, DOUBT_S) == (record, fit)
 
 

@@ -1,7 +1,9 @@
 """All axes of records at once: recordings or bags of this stack to one joint fit."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -18,13 +20,18 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array, largest
 from hindrax_ident.assess.joint_assessment import JointResults, joint_results
+from hindrax_ident.assess.results import Results
 from hindrax_ident.fit.joint import Delays, fit_jointly
-from hindrax_ident.model.motion_model import lag_s
+from hindrax_ident.fit.smoothing import before_filter
+from hindrax_ident.model.motion_model import MOTIONS, lag_s
+from hindrax_ident.records.axis_record import Series
 from hindrax_ident.records.six_axis_record import SixAxisRecord, six_axis_record
 from hindrax_ident.tuning import LAG_SIGMA_S, STAMP_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 STEP_S = 0.1
 """Sampling of the thrust for the number of axes at once."""
+ALIKE = 1.5
+"""Ratio of two time constants within which a hint of one axis is that of the filter of another."""
 SEVERAL = 1.3
 """Axes pushed at once from which they are fitted together. Legs have 1.0, pilots 1.7, whirls 2.3."""
 
@@ -96,11 +103,46 @@ def wants_joint_fit(sources: Sequence[RecordSource], task: IdentificationTask) -
     )
 
 
+def filters_found(results: Results) -> dict[int, float]:
+    """Filters of the velocities that the fits of single axes have undone, or suspect.
+
+    Here they can be undone: with the velocities of all axes, forces across act at their time again.
+
+    Parameters
+    ----------
+    results
+        Of all axes, one by one.
+
+    Returns
+    -------
+    dict[int, float]
+        Time constant by axis [s]; of an axis that shows none, that of the others by the same instrument (translations,
+        turns).
+    """
+    seen: dict[int, float] = {}
+    hinted: dict[int, float] = {}
+    for motion, result in results.motions.items():
+        axis, quality = MOTIONS[motion].axis, result.quality
+        if time_s := quality.get("smoothing_s", quality.get("filter_doubt_s", 0.0)):
+            seen[axis] = time_s
+        hinted[axis] = quality.get("filter_hint_s", 0.0)
+    if not seen:
+        return {}
+    usual = float(np.median(list(seen.values())))
+    found = {axis: usual for axis, time_s in hinted.items() if usual / ALIKE < time_s < usual * ALIKE} | seen
+    kinds = ([found[axis] for axis in axes if axis in found] for axes in (range(3), range(3, 6)))
+    alike = [float(np.median(kind)) if kind else 0.0 for kind in kinds]
+    every = {axis: found.get(axis, alike[axis // 3]) for axis in range(6)}
+    return {axis: time_s for axis, time_s in every.items() if time_s > 0.0}
+
+
 def identify_jointly(
     sources: Sequence[RecordSource],
     vehicle: Vehicle,
     task: IdentificationTask,
     progress: Callable[[str], None] = lambda _: None,
+    *,
+    filters_s: Mapping[int, float] = MappingProxyType({}),
 ) -> JointResults:
     """Fit all axes over one record, or over several pooled.
 
@@ -114,6 +156,8 @@ def identify_jointly(
         Which part of the time, which tuning.
     progress
         Called with a sentence about what begins.
+    filters_s
+        Time constant of the filter that has smoothed the velocities of an axis [s], which is undone (`filters_found`).
 
     Returns
     -------
@@ -131,6 +175,7 @@ def identify_jointly(
         )
         for source in sources
     ]
+    recordings = [_before_filters(one, filters_s) for one in recordings]
     foreign = any(source.recording is not None for source in sources)
     tuning = tuned(recordings, task.tuning) if foreign else task.tuning
     try:
@@ -158,6 +203,17 @@ def recording_of(events: Iterable[Stamped[IdentEvent]], source: str) -> Recordin
             rows[Attitude].append((at_s, *reading.attitude_rad[:2], reading.depth_m))
     v, w, a = (array(rows[kind]).reshape(-1, width) for kind, width in ((Velocity, 7), (Thrust, 7), (Attitude, 4)))
     return Recording(source, v[:, 0], v[:, 1:], w[:, 0], w[:, 1:], a[:, 0], a[:, 1:])
+
+
+def _before_filters(recording: Recording, filters_s: Mapping[int, float]) -> Recording:
+    """The recording with the velocities before the filters of some axes."""
+    velocity = recording.velocity.copy()
+    for axis, time_s in filters_s.items():
+        known = np.isfinite(velocity[:, axis])
+        if known.any():
+            smoothed = Series(recording.velocity_t[known], velocity[known, axis])
+            velocity[known, axis] = before_filter(smoothed, time_s).y
+    return replace(recording, velocity=velocity)
 
 
 def _pooled(recordings: Sequence[Recording], tuning: Tuning) -> SixAxisRecord:

@@ -103,7 +103,9 @@ def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Obj
     if not reasons:
         return result
     # What the residuals of such a fit resemble is no cause.
-    warnings = tuple(one for one in result.warnings if one.code not in (*CAUSES, Code.SMOOTHED_VELOCITY))
+    warnings = tuple(
+        one for one in result.warnings if one.code not in (*CAUSES, Code.SMOOTHED_VELOCITY, Code.PERHAPS_SMOOTHED)
+    )
     return replace(result, identifiable=False, reasons=(*result.reasons, *reasons), warnings=warnings)
 
 

@@ -308,9 +308,10 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
 
 
 def _causes(assessment: Assessment) -> tuple[Objection, ...]:
-    """Objections to a filter that had smoothed the velocities, and to influences that the record shows."""
-    smoothing_s = assessment.record.smoothing_s
-    filtered = (objection(Code.SMOOTHED_VELOCITY, smoothing_s=smoothing_s),) if smoothing_s > 0.0 else ()
+    """Objections to a filter that had smoothed the velocities, or may have, and to influences that the record shows."""
+    smoothing_s, doubt_s = assessment.record.smoothing_s, assessment.record.filter_doubt_s
+    filtered = [objection(Code.SMOOTHED_VELOCITY, smoothing_s=smoothing_s)] if smoothing_s > 0.0 else []
+    filtered += [objection(Code.PERHAPS_SMOOTHED, filter_s=doubt_s)] if doubt_s > 0.0 else []
     return (*filtered, *assessment.budget.warnings())
 
 
@@ -512,8 +513,8 @@ def _quality(assessment: Assessment) -> dict[str, float]:
         "lag_s": assessment.record.lag_s,
         "latency_s": assessment.record.latency_s,
     }
-    if assessment.record.smoothing_s > 0.0:
-        out["smoothing_s"] = assessment.record.smoothing_s
+    filters_s = {name: getattr(assessment.record, name) for name in ("smoothing_s", "filter_doubt_s", "filter_hint_s")}
+    out |= {name: time_s for name, time_s in filters_s.items() if time_s > 0.0}
     current, sigma = assessment.budget.found("current")
     if math.isfinite(current):
         out |= {"current_mps": current, "current_sigma_mps": sigma}

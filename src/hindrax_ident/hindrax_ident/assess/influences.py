@@ -623,8 +623,8 @@ def _velocity_gain(case: AxisFit) -> Array:
 
 
 def _filter(case: AxisFit) -> Array:
-    """What a filter of the velocities that is undone as one longer by a second adds to them: a share of transients."""
-    problem, time_s = case.fit.problem, case.record.smoothing_s
+    """What a filter that is longer by a second, and is undone, adds to the velocities: a share of the transients."""
+    problem, time_s = case.fit.problem, case.record.smoothing_s or case.record.filter_doubt_s
     gained = (case.v - case.delayed(time_s)) / time_s
     return np.where(problem.channel == 0, gained[problem.index], 0.0)[:, None]
 
@@ -807,7 +807,8 @@ INFLUENCES: tuple[Influence, ...] = (
         Remedy("set the sonar's speed of sound for the water"), of_readings=True, considered=True,
     ),
     Influence(
-        "filter of the velocity", "s", RUN, lambda case: FILTER_SIGMA * case.record.smoothing_s, _filter,
+        "filter of the velocity", "s", RUN,
+        lambda case: FILTER_SIGMA * case.record.smoothing_s + case.record.filter_doubt_s, _filter,
         Remedy("record the velocity as the instrument gives it"), of_readings=True, considered=True,
     ),
     Influence(

@@ -15,6 +15,7 @@ from hindrax_ident.assess.assessment import MASS_SHARE, SPEEDS
 from hindrax_ident.assess.objections import Code, Objection, objection, to_json
 from hindrax_ident.assess.results import Contribution, DragBand, Number
 from hindrax_ident.fit.joint import JointFit
+from hindrax_ident.fit.joint_problem import LAG
 from hindrax_ident.model.motion_model import Motion, motions_of, rigid_mass
 from hindrax_ident.model.six_axes import CROSS, symmetric
 from hindrax_ident.remedies import FLY_TWICE
@@ -23,6 +24,9 @@ LEAST_SPEED = 0.2
 """Share of the highest speed from which the drag is reported [-]."""
 MOST_SIGMA = 0.35
 """Deviation of the drag at the highest speed, as a share of it, above which an axis is not identified [-]."""
+SLOWEST_S, MOST_LATER_S = 0.45, 0.3
+"""Lag of a thrust beyond which it is none of a thruster, and how much more than known it may be: of the record of a
+pilot that a filter of 1 s had smoothed it was 0.56 s, with masses wrong by 3 to 6 deviations, all identified [s]."""
 MOST_UNKNOWN = 0.5
 """Unknown force, of the largest thrust, above which the model is not that of the vehicle [-]."""
 
@@ -161,6 +165,10 @@ def _motion(fit: JointFit, motion: Motion, vehicle: Vehicle, numbers: Mapping[st
     spread = float(fit.frequencies[fit.axes.index(axis)])
     if spread < LEAST_FREQUENCIES:
         reasons.append(objection(Code.FEW_FREQUENCIES, found=spread, wanted=LEAST_FREQUENCIES))
+    lag = fit.terms[LAG]
+    most_s = max(SLOWEST_S, lag.mean + MOST_LATER_S)
+    if fit.theta[LAG] > most_s:
+        reasons.append(objection(Code.SLOW_THRUST, lag_s=float(fit.theta[LAG]), wanted_s=most_s))
     if fit.force_sigma[fit.axes.index(axis)] > MOST_UNKNOWN * fit.scales.pull[axis]:
         reasons.append(objection(Code.UNKNOWN_FORCES))
     return JointMotion(

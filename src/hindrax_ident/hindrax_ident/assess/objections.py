@@ -53,6 +53,7 @@ class Code(StrEnum):
     JOINT_NOT_CONVERGED = "joint_not_converged"
     JOINT_UNKNOWN_DRAG = "joint_unknown_drag"
     FEW_FREQUENCIES = "few_frequencies"
+    SLOW_THRUST = "slow_thrust"
     UNKNOWN_FORCES = "unknown_forces"
 
     # ---- numbers that no vehicle has
@@ -65,6 +66,7 @@ class Code(StrEnum):
     # ---- warnings: the result holds, and this belongs to it
     AT_BOUND = "at_bound"
     SMOOTHED_VELOCITY = "smoothed_velocity"
+    PERHAPS_SMOOTHED = "perhaps_smoothed"
     EVIDENCE = "evidence"
     UNEXPLAINED_RESIDUALS = "unexplained_residuals"
     UNSEEN = "unseen"
@@ -122,6 +124,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.JOINT_NOT_CONVERGED: "the fit of all axes did not converge",
     Code.JOINT_UNKNOWN_DRAG: "the drag at the highest speed is {shown}: fly it faster or for longer",
     Code.FEW_FREQUENCIES: "its thrust has {found:.1f} frequencies, wanted {wanted:.0f}: fly steps, or a chirp",
+    Code.SLOW_THRUST: "the thrust acts {lag_s:.2g} s late in this fit, wanted {wanted_s:g} s at most: the velocities "
+    "look smoothed; record them as the instrument gives them, or give the lag of the thrusters in the vehicle file",
     Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust",
     Code.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench, and the axes of both",
     Code.BRAKED_BY_THRUST: "its thrust brakes the motion, as of a controller that holds it: other forces move it; "
@@ -132,6 +136,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.AT_BOUND: "{name} is at its bound, {bound:g} {unit}: the record alone would make it {shown} {unit}",
     Code.SMOOTHED_VELOCITY: "the velocity is smoothed, as by a filter of {smoothing_s:.2g} s, which was undone: record "
     "it as the instrument gives it",
+    Code.PERHAPS_SMOOTHED: "the velocity looks smoothed, as by a filter of {filter_s:.2g} s that cannot be undone "
+    "here, which is in the uncertainty: record it as the instrument gives it",
     Code.EVIDENCE: "evidence of {influence} ({shown} {unit}): {remedy}",
     Code.UNEXPLAINED_RESIDUALS: "no influence explains the residuals; the nearest, {influence} ({shown} {unit}), is "
     "{times:.0f} times the size in a pool: it is part of the uncertainty, but hardly the cause",

@@ -26,6 +26,8 @@ TRIED_S = (0.3, 0.45, 0.68, 1.0, 1.5, 2.3, 3.4)
 NEARER = 0.8
 """Error of the motion with a filter, in that without, up to which there is one: of nine records with one of 0.5 to 2 s
 it was 0.13 to 0.77, of thrust that ramps 0.75 and more, of other records 0.95 and more."""
+HINT = 0.95
+"""The same up to which there is one where another axis has one: no more than what roll and pitch have without any."""
 FAR = 1.5
 """Error from which longer filters are no longer tried."""
 CLOSE, MOST_CLOSER = 0.03, 6
@@ -59,7 +61,9 @@ def with_smoothing(
     Returns
     -------
     tuple[Record, OutputErrorFit]
-        The record without its filter (`smoothing_s`) and its fit; both as they were where there is none.
+        The record without its filter (`smoothing_s`) and its fit; both as they were where there is none. But for the
+        doubt (`filter_doubt_s`) where the record has one, and without it the body could not be, and for the hint
+        (`filter_hint_s`) of one that explains little.
     """
     if record.lag_s < SUSPECT_LAG_S or fit.problem.main != 0:
         return record, fit
@@ -84,7 +88,7 @@ def with_smoothing(
         all_tried.append(one)
     best = min(all_tried, key=lambda one: one.error)
     if best.error > NEARER * none.error:
-        return record, fit
+        return (replace(record, filter_hint_s=best.time_s), fit) if best.error < HINT * none.error else (record, fit)
     at = all_tried.index(best)
     low, high = (math.log(all_tried[max(1, min(i, len(all_tried) - 1))].time_s) for i in (at - 1, at + 1))
 
@@ -99,22 +103,29 @@ def with_smoothing(
 
         minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": CLOSE, "maxiter": MOST_CLOSER})
     best = min(all_tried, key=lambda one: one.error)
+    # Thrust that ramps looks like a filter, and without it moves a body that is too light, and before its command.
+    # Where the velocities of other axes were smoothed as well, their forces act late, with the same signs. One axis
+    # alone does not tell which.
+    in_doubt = replace(record, filter_doubt_s=best.time_s), fit
     try:
         found, better = fit_with_delays(unsmoothed(record, best.time_s), best.theta, model, prior, sigma_s)
     except ValueError:
-        return record, fit
+        return in_doubt
     nearer = _error(record, better, best.time_s) <= NEARER * none.error
-    # Thrust that ramps looks like a filter, and without it moves a body that is too light, and before its command.
     possible = better.theta[-1] >= model.rigid and found.latency_s >= 0.0
-    return (found, better) if nearer and possible else (record, fit)
+    return (found, better) if nearer and possible else in_doubt
 
 
 def unsmoothed(record: Record, time_s: float) -> Record:
-    """Record before a first-order filter of its velocities, which hold their new value from one to the next."""
-    t, y = record.velocity.t, record.velocity.y
+    """Record before a first-order filter of its velocities."""
+    return replace(record, velocity=before_filter(record.velocity, time_s), smoothing_s=time_s)
+
+
+def before_filter(samples: Series, time_s: float) -> Series:
+    """Samples before a first-order filter, which hold their new value from one to the next."""
+    t, y = samples.t, samples.y
     kept = np.exp(-np.maximum(np.diff(t), 1e-3) / time_s)
-    before = np.concatenate([y[:1], (y[1:] - kept * y[:-1]) / (1.0 - kept)])
-    return replace(record, velocity=Series(t, array(before)), smoothing_s=time_s)
+    return Series(t, array(np.concatenate([y[:1], (y[1:] - kept * y[:-1]) / (1.0 - kept)])))
 
 
 def _error(record: Record, fit: OutputErrorFit, time_s: float) -> float:

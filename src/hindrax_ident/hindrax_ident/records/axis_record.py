@@ -131,6 +131,10 @@ class Record:
     """Lag and latency to expect where a fit is to find both: what is given, also where it is 0, else the usual ones."""
     smoothing_s: float = 0.0
     """Time constant of a filter that had smoothed the velocities, and was undone; 0: none."""
+    filter_doubt_s: float = 0.0
+    """That of a filter that seems to have smoothed them, and cannot be undone; 0: none."""
+    filter_hint_s: float = 0.0
+    """That of one that is no more than possible: it counts where another axis has one like it; 0: none."""
     ranged: bool = False
     """Whether the position is a range to a wall: then its scale is that of the sonar and of the wall's angle."""
     supply_measured: bool = False

@@ -18,7 +18,12 @@ from hindrax_analysis.identification.bag_identification import (
     write_report,
 )
 from hindrax_analysis.identification.executor import add_workers, workers_of
-from hindrax_analysis.identification.joint_identification import identify_jointly, show_joint, wants_joint_fit
+from hindrax_analysis.identification.joint_identification import (
+    filters_found,
+    identify_jointly,
+    show_joint,
+    wants_joint_fit,
+)
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     RecordSource,
@@ -58,6 +63,7 @@ OF_ANOTHER = (
     "the record is of {recorded}, --vehicle names {named}: thrust, mass and size of {named} are used; without it "
     "the file in the record is"
 )
+FILTERED = "for the fit of all axes together a filter of {longest_s:.2g} s is undone, which the velocities seem to have"
 UNNAMED = "unnamed vehicle"
 """Not by the name of the Hindrax: what the paper has of that would stand beside it."""
 GAIN_SIGMA = 0.1
@@ -199,7 +205,9 @@ def identify(arguments: argparse.Namespace) -> int:
         steps = (reached,) if workers.here else ()
         together, why = wants_joint_fit(sources, task) if arguments.joint is None else (arguments.joint, "")
         notes += [why] if why else []
-        jobs = [partial(identify_jointly, sources, vehicle, task, *steps)] if together else []
+        filters_s = filters_found(found.results) if together else {}
+        notes += [FILTERED.format(longest_s=max(filters_s.values()))] if filters_s else []
+        jobs = [partial(identify_jointly, sources, vehicle, task, *steps, filters_s=filters_s)] if together else []
         try:
             joint = next(workers.run(jobs), None)
         except UsageError as error:
