@@ -192,6 +192,7 @@ def test_the_summary_of_sessions_has_the_goal_beside_what_was_reached() -> None:
     assert row["drag_p90"] == pytest.approx(0.078)
     assert row["coverage95"] == pytest.approx(2.0 / 3.0)
     assert row["cause"] == "own wake"
+    assert document["errors"] == {"1": {"surge": 0.5}, "2": {"surge": -2.5}, "3": {"surge": 1.0}}
     json.dumps(document)
 
 

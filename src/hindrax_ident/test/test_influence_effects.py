@@ -12,6 +12,7 @@ from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.assess.influences import (
     GAIN,
     INFLUENCES,
+    LOSSES,
     MODEL,
     MOST_RUNS,
     OTHER_AXES,
@@ -450,6 +451,16 @@ def test_the_other_axes_act_by_a_tenth_of_the_own_mass_and_drag_and_by_the_whole
     turning = replace(with_others(case, r=array(np.where(TIMES < 3.0, 0.5 * TIMES, 0.0))), vehicle=case.vehicle)
     pushed = row(OTHER_AXES).effect(turning)[5]
     assert abs(pushed[0]) == pytest.approx(0.1 * 27.0 * 0.5 * 0.1 * case.vehicle.characteristic_length_m, rel=0.1)
+
+
+def test_a_weighing_of_yaw_shows_no_losses_between_thrusters(case: AxisFit) -> None:
+    """Held against a small load they idle against each other, and lose alike on both sides; in a turn all lose."""
+    gain = {name: AxisGain(load=2.0, sigma=0.005, positive=1.0, negative=1.0) for name in ("surge", "yaw")}
+    weighed = replace(case, vehicle=replace(case.vehicle, thrust_gain=gain))
+    assert row("losses between thrusters and hull").sigma(weighed) == 0.0
+    turning = on_axis(weighed, replace(case.fit.model, axis=5), THETA)
+    assert row("losses between thrusters and hull").sigma(turning) == LOSSES
+    assert_effect(turning, "losses between thrusters and hull", of_commands(array(-COMMANDS.y)))
 
 
 def test_momentum_across_by_an_off_diagonal_mass_turns_with_the_body(case: AxisFit) -> None:

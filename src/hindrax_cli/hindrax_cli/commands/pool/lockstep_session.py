@@ -146,13 +146,25 @@ def _errors(results: Results, flight: PoolFlight) -> dict[str, float]:
 
 
 def session_summary(trials: Sequence[SessionTrial]) -> dict[str, Any]:
-    """Document of `montecarlo --session`: per motion the goal, medians of what was reached, coverage of the drag."""
+    """Document of `montecarlo --session`: per motion the goal, medians of what was reached, coverage of the drag.
+
+    Parameters
+    ----------
+    trials
+        One for each seed.
+
+    Returns
+    -------
+    dict[str, Any]
+        With `errors` by seed and motion: of the drag at the highest speed, +-1.96 at either end of its 95 % interval.
+    """
     motions = dict.fromkeys(motion for trial in trials for motion in trial.errors)
     minutes = [sum(step.seconds for step in trial.steps) / 60.0 for trial in trials]
     return {
         "runs": len(trials),
         "minutes": float(np.median(minutes)),
         "motions": [_row(motion, [trial for trial in trials if motion in trial.errors]) for motion in motions],
+        "errors": {str(trial.seed): dict(trial.errors) for trial in trials},
         "troubles": {str(trial.seed): trial.trouble for trial in trials if trial.trouble},
     }
 
