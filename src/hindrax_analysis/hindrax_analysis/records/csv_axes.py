@@ -69,11 +69,10 @@ def with_velocities_of_world(columns: Mapping[str, Array]) -> tuple[dict[str, Ar
     level = np.zeros_like(columns["vn"])
     tilted = {"vd", "roll", "pitch"} <= set(columns)
     down = columns["vd"] if tilted else level
-    angles = [
-        _at_all_times(columns["t"], columns[one]) if one in columns else level for one in ("yaw", "pitch", "roll")
-    ]
-    if not tilted:
-        angles[1:] = level, level
+    yaw, *tilts = (
+        _at_all_times(columns["t"], columns[one]) for one in (("yaw", "pitch", "roll") if tilted else ("yaw",))
+    )
+    angles = yaw, *(tilts or (level, level))
     attitude = Rotation.from_euler("ZYX", np.column_stack(angles))
     body = attitude.inv().apply(np.column_stack([columns["vn"], columns["ve"], down]))
     made = [name for name in ("uvw" if tilted else "uv") if name not in out]

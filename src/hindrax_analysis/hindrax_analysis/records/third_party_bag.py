@@ -259,15 +259,14 @@ def _with_inertial(record: Recording, sensors: list[Track], frame: str, velocity
         note = f"{velocity} has no rates, and it is not clear which of {names} to take: none; record one of them"
         return replace(record, assumptions=(*record.assumptions, note))
     (sensor,) = clear
-    times = [1e-9 * np.array(one, dtype=float) - record.origin_s for one in (sensor.stamped, sensor.received)]
-    there = [t for t in times if len(t) and t[0] < record.end_s and t[-1] > record.begin_s]
-    if not there:
+    at_s = _times_within(record, sensor)
+    if not len(at_s):
         return record
     axes = _FrameChoice(frame if frame != "world" else "", [])
     signs = _signs_to_sname(sensor, axes)
     rows = np.array(sensor.rows) * signs
-    tilted = _tilts_of_inertial(sensor, there[0], rows, signs, axes.notes)
-    t = np.concatenate([record.velocity_t, there[0]])
+    tilted = _tilts_of_inertial(sensor, at_s, rows, signs, axes.notes)
+    t = np.concatenate([record.velocity_t, at_s])
     order = np.argsort(t, kind="stable")
     has_attitude = bool(len(record.attitude_t)) or not len(tilted)
     notes = (f"{velocity} has no rates: those of {sensor.topic}", *axes.notes)
@@ -275,10 +274,16 @@ def _with_inertial(record: Recording, sensors: list[Track], frame: str, velocity
         record,
         velocity_t=array(t[order]),
         velocity=array(np.concatenate([moving, rows])[order]),
-        attitude_t=record.attitude_t if has_attitude else array(there[0]),
+        attitude_t=record.attitude_t if has_attitude else at_s,
         attitude=record.attitude if has_attitude else tilted,
         assumptions=(*record.assumptions, *notes),
     )
+
+
+def _times_within(record: Recording, sensor: Track) -> Array:
+    """Times (n,) [s] of another topic in a record, by its stamps, else by receipt; none where it is of another time."""
+    times = (1e-9 * np.array(one, dtype=float) - record.origin_s for one in (sensor.stamped, sensor.received))
+    return next((array(t) for t in times if len(t) and t[0] < record.end_s and t[-1] > record.begin_s), NO_TIMES)
 
 
 def _tilts_of_inertial(sensor: Track, t: Array, rows: Array, signs: Array, notes: list[str]) -> Array:
@@ -289,19 +294,18 @@ def _tilts_of_inertial(sensor: Track, t: Array, rows: Array, signs: Array, notes
     """
     tilts = tilts_of(quaternions_of(sensor)) * np.array([1.0, signs[1]])
     known = np.flatnonzero(np.isfinite(tilts).all(axis=1))
-    nothing = array(np.zeros((0, 3)))
     if len(known) < FEWEST_MESSAGES or not np.ptp(tilts[known], axis=0).any():
-        return nothing
+        return NO_WAYS
     upright = np.abs(tilts[known]).max(axis=1) < UPRIGHT_rad
     turned = np.concatenate([np.zeros((1, 2)), np.cumsum(np.diff(t[known])[:, None] * rows[known][1:, 3:5], axis=0)])
     ends = np.minimum(np.searchsorted(t[known], t[known] + COMPARED_S), len(known) - 1)
     compared = upright & upright[ends]
     if not compared.any():
-        return nothing
+        return NO_WAYS
     by_rates, by_angles = (one[ends][compared] - one[compared] for one in (turned, tilts[known]))
     if not np.mean((by_angles - by_rates) ** 2) < max(STILL_rad**2, 0.5 * float(np.mean(by_rates**2))):
         notes.append(f"{sensor.topic}: its orientation does not change as its rates say, and is not used")
-        return nothing
+        return NO_WAYS
     return array(np.column_stack([tilts, np.full(len(tilts), np.nan)]))
 
 
@@ -314,13 +318,12 @@ def _with_depths(record: Recording, sensor: Track, water: Water) -> Recording:
     known = np.isfinite(pressure)
     in_hectopascal = known.any() and float(np.median(pressure[known])) < LEAST_Pa
     depths = [water.depth_m(one) for one in (pressure * (100.0 if in_hectopascal else 1.0)).tolist()]
-    times = [1e-9 * np.array(one, dtype=float) - record.origin_s for one in (sensor.stamped, sensor.received)]
-    there = [t for t in times if len(t) and t[0] < record.end_s and t[-1] > record.begin_s]
-    if not there or not np.ptp(np.array(depths)[known]) > LEAST_DIVE_m:
+    at_s = _times_within(record, sensor)
+    if not len(at_s) or not np.ptp(np.array(depths)[known]) > LEAST_DIVE_m:
         return record
     rows = np.full((int(known.sum()), 3), np.nan)
     rows[:, 2] = np.array(depths)[known]
-    t = np.concatenate([record.attitude_t, there[0][known]])
+    t = np.concatenate([record.attitude_t, at_s[known]])
     order = np.argsort(t, kind="stable")
     unit = ", taken as hectopascal by their size" if in_hectopascal else ""
     note = f"depths follow from the pressures of {sensor.topic}{unit}"
