@@ -270,12 +270,29 @@ def test_lying_dead_reckoning_is_caught_before_the_wall(rig: Rig) -> None:
 LONG = PilotKnobs(plan=PlanKnobs(levels=1, plateau_s=14.0))
 
 
-def test_a_leg_that_might_end_at_a_wall_is_not_flown(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
+def test_a_leg_that_might_end_at_a_wall_is_shortened(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
+    """The longer it flies, the further it keeps off the walls, and goes on."""
+    rig, reach_m = Rig(hindrax, ideal_vehicle, LONG), []
+    half_m = 0.5 * hindrax.envelope_m[0]
+
+    def doubt(rig: Rig) -> None:
+        rig.ideal.sigma_m = 0.1 + 0.005 * rig.ideal.time_s
+        margin_m = 0.3 + 2.0 * math.hypot(0.1, rig.ideal.sigma_m)
+        reach_m.append(min(rig.place.x_m, hindrax.pool.length_m - rig.place.x_m) - half_m - margin_m)
+
+    output, phases = rig.fly(Goal(("surge", "sway")), doubt)
+    assert output.aborted == ""
+    assert {"surge", "sway"} == {one.motion for one in phases if one.phase == "plateau"}
+    assert rig.ideal.sigma_m > 0.5
+    assert 0.0 < min(reach_m) < 0.2
+
+
+def test_a_leg_of_which_little_would_be_left_is_not_flown(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     rig = Rig(hindrax, ideal_vehicle, LONG)
-    rig.ideal.sigma_m = 0.6
+    rig.ideal.sigma_m = 1.2
     output, phases = rig.fly(Goal(("surge",)))
     assert {one.phase for one in phases} == {"settle", "aborted"}
-    why = r"pool_box: surge would end [01]\.\d+ m from the south wall, wanted 0\.30 m and 1\.22 m uncertainty; bring it"
+    why = r"pool_box: surge would end [01]\.\d+ m from the \w+ wall, wanted 0\.30 m and 2\.41 m uncertainty; bring it"
     assert re.match(why, output.aborted)
     assert "./hindrax recentre" in output.aborted
 

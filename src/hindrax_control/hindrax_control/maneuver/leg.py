@@ -21,6 +21,8 @@ SWING_SHARE = 0.5
 """Share of a leg's end from which a swing is worth its time."""
 EASED = 0.7
 """Share of its force with which a plateau goes on that was too fast."""
+WORTH = 0.5
+"""Share of its way that a shortened leg must keep."""
 LET_GO = 3.0
 """A plateau ends when the slope is this many times beyond what it may be."""
 
@@ -53,6 +55,12 @@ class LegController:
         self._boost_s = CHARACTERS[leg.axis].boost_s
         self._stretch, self._way = "boost", 1.0
         self._since_s = math.nan
+
+    def shorten(self, low: float, high: float) -> None:
+        """Begin and end between these coordinates, unless too little of the leg were left."""
+        start, end = (min(max(one, low), high) for one in self.ends)
+        if (end - start) * self.leg.sign >= WORTH * abs(self.leg.end - self.leg.start):
+            self.leg, self.ends = replace(self.leg, start=start, end=end), (start, end)
 
     def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:
         """Drive on.

@@ -36,6 +36,8 @@ SETTLING_S = 2.5
 """Time to come to rest at a place, beside the way to it."""
 SILENT_S = 1.0
 """Age of the last echo beyond which a maneuver uses the depth instead."""
+MARGIN_GROWS_m = 0.15
+"""A shortened leg keeps off the walls by this much more than their guard wants: uncertainty grows on its way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,13 +216,23 @@ class Maneuver:
         return self.last
 
     def _next(self, moment: StageInput) -> tuple[Setpoint, ...]:
-        """Begin the stage that follows, or stop where its end may be too near to a wall."""
-        too_near = self._too_near(self._stages[self._at + 1], moment.place)
+        """Begin the stage that follows, shortened, or stop where its end may still be too near to a wall."""
+        stage = self._stages[self._at + 1]
+        self._shorten(stage, moment.place)
+        too_near = self._too_near(stage, moment.place)
         if too_near:
             self.cancel(too_near)
         self._at += 1
         self._entered_s = moment.time_s
         return self._stages[self._at].begin(moment)
+
+    def _shorten(self, stage: Stage, place: PoolPosition) -> None:
+        """End a leg where the guard of the walls will leave it alone, further off the longer the flight lasts."""
+        for end in stage.ends[:1]:
+            half_m, _ = self._pool.reach_m(end.heading_rad)
+            off_m = half_m + self._safety.margin(place)[0] + MARGIN_GROWS_m
+            if off_m < 0.5 * self._pool.length_m:
+                stage.shorten(off_m, self._pool.length_m - off_m)
 
     def _too_near(self, stage: Stage, place: PoolPosition) -> Refusal:
         """What the guard of the walls would find at an end of a stage that begins here."""

@@ -76,6 +76,9 @@ class Stage:
         self._started_s = moment.time_s
         return ()
 
+    def shorten(self, low_m: float, high_m: float) -> None:
+        """Come to rest between these places along the pool [m], where the stage is still worth it."""
+
     def step(self, moment: StageInput) -> StageOutput:
         """Act on one moment.
 
@@ -153,6 +156,12 @@ class SettleAtPose(Stage):
         self._goal_m, self._pose = (pose.place.x_m, pose.place.y_m), pose
         self._still_since_s = 0.0
 
+    def shorten(self, low_m: float, high_m: float) -> None:
+        """Settle where the first leg begins now."""
+        (place,) = self.ends
+        x_m = min(max(place.x_m, low_m), high_m)
+        self._goal_m, self.ends = (x_m, place.y_m), (replace(place, x_m=x_m),)
+
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Engage every hold; the station keeps what it knows of the current."""
         if not moment.altitude_measured:
@@ -223,10 +232,20 @@ class ExciteMotion(Stage):
         self, axis: str, driver: LegController | Excite, freedom: PriorDynamics, station: StationKeeping, pose: Pose
     ) -> None:
         motion = driver.leg.name if isinstance(driver, LegController) else motion_name(axis, 0.0)
-        ends = tuple(replace(pose.place, x_m=x_m) for x_m in driver.ends) if axis in ALONG else ()
-        super().__init__(motion, station, driver.seconds, ends)
+        super().__init__(motion, station, driver.seconds)
         self._axis, self._driver, self._freedom, self._pose = axis, driver, freedom, pose
+        if axis in ALONG:
+            self.ends = self._ends()
         self._state_began: Stamp | None = None
+
+    def shorten(self, low_m: float, high_m: float) -> None:
+        """Shorten a leg along the pool; an excitation keeps its room."""
+        if self.ends and isinstance(self._driver, LegController):
+            self._driver.shorten(low_m, high_m)
+            self.ends = self._ends()
+
+    def _ends(self) -> tuple[PoolPosition, ...]:
+        return tuple(replace(self._pose.place, x_m=x_m) for x_m in self._driver.ends)
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Release the holds of the axis that is driven."""
