@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hindrax_analysis.records.csv_record import read_records
 from hindrax_analysis.records.recording import Recording
@@ -147,3 +148,61 @@ def test_angles_may_stand_in_other_rows_than_velocities() -> None:
     rows += [f"{t + 0.05:.3f},,,{psi:.6f}," for t, psi in zip(T, YAW + 0.2 * 0.05, strict=True)]
     (found,) = read_records("\n".join(["t,vn,ve,yaw_rad,X", *rows]), "x.csv")
     assert found.velocity[1:, 0] == pytest.approx(FORWARD[1:], abs=1e-4)
+
+
+PSI, THETA, PHI = 0.8 * np.sin(T / 7.0) + 2.9, 0.3 * np.sin(T / 2.0), 0.2 * np.sin(T / 3.0)
+TURNED = Rotation.from_euler("ZYX", np.column_stack([PSI, THETA, PHI]))
+PARTS = ("x", "y", "z", "w")
+ROLLS = {"p": np.gradient(PHI, T), "K": PUSH}
+
+
+def quaternion(names: str, turned: Array | None = None) -> dict[str, Array]:
+    """Four columns; `names` with one place for the part."""
+    values = TURNED.as_quat() if turned is None else turned
+    return {names.format(part): array(values[:, n]) for n, part in enumerate(PARTS)}
+
+
+@pytest.mark.parametrize("names", ["q{}", "quat_{}", "Quaternion {}", "pose.pose.orientation.{}", "imu_orientation_{}"])
+def test_angles_are_those_of_a_quaternion(names: str) -> None:
+    found = read(ROLLS | quaternion(names))
+    assert found.attitude[:, :2] == pytest.approx(np.column_stack([PHI, THETA]), abs=1e-5)
+    assert "roll, pitch, yaw are those of the quaternion" in found.assumptions
+
+
+def test_a_quaternion_of_px4_has_its_real_part_first() -> None:
+    x, y, z, w = TURNED.as_quat().T
+    numbers = {f"vehicle_attitude.q[{n}]": array(part) for n, part in enumerate((w, x, y, z))}
+    assert read(ROLLS | numbers).attitude[:, :2] == pytest.approx(np.column_stack([PHI, THETA]), abs=1e-5)
+
+
+def test_a_quaternion_of_ros_turns_with_its_velocities() -> None:
+    names = {"twist.angular.x": ROLLS["p"], "wrench.torque.x": PUSH, "twist.linear.y": SINKS, "wrench.force.y": PUSH}
+    found = read(names | quaternion("pose.orientation.{}"))
+    assert axes_of(found).startswith("axes are x forward, y left, z up")
+    assert found.velocity[:, 1] == pytest.approx(-SINKS, abs=1e-5)
+    assert found.attitude[:, :2] == pytest.approx(np.column_stack([PHI, -THETA]), abs=1e-5)
+
+
+def test_named_angles_are_used_first() -> None:
+    found = read(ROLLS | {"roll": 0.5 * PHI} | quaternion("q{}"))
+    assert found.attitude[:, 0] == pytest.approx(0.5 * PHI, abs=1e-5)
+
+
+def test_positions_are_turned_by_a_quaternion_as_by_a_yaw() -> None:
+    level = Rotation.from_euler("Z", PSI[:, np.newaxis]).as_quat()
+    ways = {"px": 0.1 * T, "py": 0.5 * np.sin(T / 4.0), "X": PUSH, "Y": PUSH}
+    by_yaw, found = read(ways | {"yaw": PSI}), read(ways | quaternion("q{}", level))
+    assert found.velocity[:, :2] == pytest.approx(by_yaw.velocity[:, :2], abs=1e-3)
+    assert len(found.velocity)
+
+
+@pytest.mark.parametrize("turned", [np.zeros((len(T), 4)), np.tile([0.0, 0.0, 0.0, 1.0], (len(T), 1))])
+def test_a_quaternion_that_was_never_filled_in_says_nothing(turned: Array) -> None:
+    found = read(ROLLS | quaternion("q{}", turned))
+    assert not np.isfinite(found.attitude).any()
+    assert not any("quaternion" in one for one in found.assumptions)
+
+
+def test_of_two_quaternions_none_is_used() -> None:
+    found = read(ROLLS | quaternion("rov_orientation_{}") | quaternion("camera_orientation_{}"))
+    assert not np.isfinite(found.attitude).any()

@@ -153,7 +153,7 @@ def test_what_means_nothing_is_left_alone(header: str) -> None:
             "vx_enu, vy_enu are along axes of the world: name them vn, ve and vd",
         ),
         ("t,velocity_north,v_e,X", "vn and ve are turned into u and v by a column yaw, and with vd, roll and pitch"),
-        ("t,qw,qx,qy,qz,X", "qw, qx, qy, qz are a quaternion: write roll, pitch and yaw"),
+        ("t,q0,q1,q2,q3,X", "are a quaternion without names of its parts: call them qw, qx, qy and qz"),
         ("t,u,Thrust", "Thrust names no axis: call it X for surge"),
         ("t,u_furlongs,X", "u_furlongs: the unit 'furlongs' is none of m/s, cm/s"),
     ],

@@ -11,11 +11,15 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.csv_agreement import slope_of
+from hindrax_analysis.records.csv_columns import QUATERNION
 from hindrax_ident.arrays import Array, array
 
 LEAST_SLOPE = 0.5
 """Size of the slope of a depth over its rate from which they are the same motion."""
+OFF_UNIT = 0.1
+"""Difference of a quaternion's size from 1 beyond which it is none."""
 HIGH_m = -0.2
 """Median of a depth below which it is a height, where it does not rise as far above zero."""
 
@@ -45,6 +49,39 @@ def with_depths(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[s
 
 OF_WORLD = {"vn", "ve", "yaw"}
 """Columns that show the velocities of surge and sway."""
+
+
+def with_angles_of_quaternion(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Have roll, pitch and yaw where the file has a quaternion and not those.
+
+    They are in the axes of the quaternion, whichever these are. Beside velocities of the world there is no yaw: north
+    and east of the one say nothing of the x and y of the other. A quaternion that never changes was never filled in.
+
+    Parameters
+    ----------
+    columns
+        By name, (n,) each.
+
+    Returns
+    -------
+    tuple[dict[str, Array], tuple[str, ...]]
+        The columns, (n,) each, without the quaternion, and what was assumed.
+    """
+    out = {name: values for name, values in columns.items() if name not in QUATERNION}
+    if not set(columns) >= set(QUATERNION):
+        return out, ()
+    quaternions = np.column_stack([columns[name] for name in QUATERNION])
+    sizes = np.linalg.norm(quaternions, axis=1)
+    known = np.abs(sizes - 1.0) < OFF_UNIT
+    quaternions = np.where(known[:, np.newaxis], quaternions / np.where(known, sizes, 1.0)[:, np.newaxis], np.nan)
+    x, y, z, w = quaternions.T
+    roll, pitch = tilts_of(array(quaternions)).T
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    angles = {"roll": roll, "pitch": pitch} | ({} if "vn" in columns else {"yaw": yaw})
+    made = {name: array(values) for name, values in angles.items() if name not in out}
+    moved = bool(known.any()) and bool(np.ptp(quaternions[known], axis=0).any())
+    note = (f"{', '.join(made)} are those of the quaternion",) if made and moved else ()
+    return out | (made if note else {}), note
 
 
 def with_velocities_of_world(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...], tuple[str, ...]]:

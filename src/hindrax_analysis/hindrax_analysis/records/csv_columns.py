@@ -33,8 +33,12 @@ COLUMNS: dict[str, str] = {
     "vn": "velocity north, or along px [m/s]; with ve and yaw: surge without u, sway without v",
     "ve": "velocity east, to the right of vn, seen from above [m/s]",
     "vd": "velocity down, of a level world [m/s]; with vn, ve, yaw, roll and pitch: heave without w",
+    **{f"q{part}": "quaternion of the body in the world: roll, pitch, and yaw for px and py" for part in "wxyz"},
 }
 """Columns of a CSV record, in SNAME axes. Time, one velocity and the force on the same axis are needed."""
+
+QUATERNION = ("qx", "qy", "qz", "qw")
+"""Columns of a quaternion, in the order of ROS and scipy."""
 
 DEGREE = math.pi / 180.0
 KGF, LBF, INCH = 9.80665, 4.4482216152605, 0.0254
@@ -75,6 +79,7 @@ UNITS: dict[str, dict[str, float]] = {
     **dict.fromkeys(("depth", "px", "py"), _LENGTH),
     "yaw": _ANGLE,
     **dict.fromkeys(("vn", "ve", "vd"), _SPEED),
+    **{part: {"1": 1.0} for part in QUATERNION},
     "t_ns": {},
 }
 """SI factor of each unit that a column may have."""
@@ -101,8 +106,8 @@ OTHERWISE = {
         rf"(.*_)?(v|vel|velocity|speed)(_?[xyz])?_{_AXES_OF_WORLD}"
     ): "along axes of the world: name them vn, ve "
     "and vd (north, east, down), with roll, pitch and yaw, or turn them into u, v, w of the body",
-    re.compile(r"(q|quat|quaternion|orientation)_?[wxyz0-3]|.*_orientation_[wxyz]"): "a quaternion: write roll, pitch "
-    "and yaw",
+    re.compile(r"(q|quat|quaternion|orientation)_?[0-3]"): "a quaternion without names of its parts: call them qw, qx, "
+    "qy and qz",
 }
 """Names of what is recorded in other axes, or in another way, than it is read, and what to do."""
 UNKNOWN = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}
@@ -135,6 +140,8 @@ def _names() -> Iterator[tuple[str, str]]:
         along = ("v", "vel", "velocity")
         yield from ((name, column) for name in (column, *_pairs(word, (*along, "speed")), *_pairs(word[0], along)))
         yield from ((f"{name}_ned", column) for name in (f"v{axis}", f"vel_{axis}", f"velocity_{axis}"))
+    words = ("q", "quat", "quaternion", "orientation")
+    yield from ((f"{name}{gap}{part}", f"q{part}") for name in words for gap in ("", "_") for part in "wxyz")
     yield from ((name, f"p{axis}") for axis in "xy" for name in _pairs(axis, ("pos", "position")))
     for axis, word, speed, force in zip("xyz", ("surge", "sway", "heave"), "uvw", "XYZ", strict=True):
         speeds = [word, *_pairs(word, ("velocity", "vel", "speed")), f"v{axis}", f"linear_{axis}"]
@@ -174,6 +181,7 @@ NAMES: dict[str, str] = dict(_names())
 MORE_NAMES: dict[str, str] = {**dict(_more_names()), **NAMES}
 _ENDINGS = {
     **{f"_position_{axis}": f"p{axis}" for axis in "xy"},
+    **{f"_{word}_{part}": f"q{part}" for word in ("orientation", "rotation", "quaternion") for part in "wxyz"},
     **{f"_{field}": NAMES[field] for field in map("_".join, product(("linear", "angular", "force", "torque"), "xyz"))},
     **{f"stamp_{seconds}": "t" for seconds in ("sec", "secs")},
     **{f"stamp_{rest}": NANOSECONDS for rest in ("nanosec", "nsecs")},
@@ -308,8 +316,27 @@ def _apart(text: str) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text)
 
 
+_OF_PX4 = re.compile(r"(.*[._/])?q\[[0-3]\]")
+
+
 def from_one(header: Sequence[str]) -> list[str]:
-    """Header line in which vectors such as nu[0] ... nu[5] are nu_1 ... nu_6."""
+    """Header line in which vectors such as nu[0] ... nu[5] are nu_1 ... nu_6, and q[0] ... q[3] of PX4 qw ... qz.
+
+    PX4's messages have the real part first (VehicleAttitude).
+
+    Parameters
+    ----------
+    header
+        Cells of the header line.
+
+    Returns
+    -------
+    list[str]
+        As many names.
+    """
+    if len(places := [i for i, cell in enumerate(header) if _OF_PX4.fullmatch(cell.strip())]) == len(QUATERNION):
+        named = {i: f"q{part}" for i, part in zip(places, "wxyz", strict=True)}
+        header = [named.get(i, cell) for i, cell in enumerate(header)]
     counted = [re.fullmatch(rf"({'|'.join(VECTORS)})_?(\d)", _words(cell)) for cell in header]
     from_zero = {found[1] for found in counted if found and found[2] == "0"}
     return [

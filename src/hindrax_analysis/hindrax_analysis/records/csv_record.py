@@ -1,6 +1,7 @@
 """CSV records of any origin: the header line names columns and units."""
 
 import csv
+from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import replace
 
@@ -12,10 +13,12 @@ from hindrax_analysis.records.csv_axes import (
     OF_WORLD,
     frame_by_depth,
     with_angles,
+    with_angles_of_quaternion,
     with_depths,
     with_velocities_of_world,
 )
 from hindrax_analysis.records.csv_columns import (
+    QUATERNION,
     Meaning,
     Row,
     cells_of,
@@ -121,6 +124,7 @@ def read_records(
         forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
         columns |= zip(FORCES, forces.T, strict=True)
     columns, by_angles = in_radians(columns, unnamed, vehicle.inertia if vehicle else ())
+    columns, by_quaternion = with_angles_of_quaternion(columns)
     columns, made, by_world = with_velocities_of_world(columns)
     # Forces of outputs are in the axes of the vehicle file, whatever those of the velocities are.
     of_messages = [*(FORCES if outputs else ""), *(meanings[i].name for i in meanings if is_of_message(header[i]))]
@@ -137,7 +141,9 @@ def read_records(
     steps = "once" if len(recordings) == 2 else f"{len(recordings) - 1} times"
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
     twice = f"{repeated} lines that repeat others were left out" if repeated else ""
-    assumptions = tuple(one for one in (by_size, *by_angles, *by_world, *axes, forces_are, twice, coarse, back) if one)
+    assumptions = tuple(
+        one for one in (by_size, *by_angles, *by_quaternion, *by_world, *axes, forces_are, twice, coarse, back) if one
+    )
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
 
@@ -267,17 +273,20 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
         raise HindraxError(f"{source}, {error}") from None
     usual = {known.name for known in found.values() if not known.gives_way}
     found = {i: known for i, known in found.items() if not (known.gives_way and known.name in usual)}
+    # A second quaternion is of a setpoint or of a camera, and none is needed.
+    counts = Counter(known.name for known in found.values())
+    apart = {name for name in QUATERNION if any(counts[part] != 1 for part in QUATERNION)}
+    found = {i: known for i, known in found.items() if known.name not in apart}
     names = [known.name for known in found.values()]
     twice = [header[i] for i, known in found.items() if names.count(known.name) > 1]
     if twice:
         raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
     outputs = {} if set(FORCES) & set(names) else output_columns(header)
     forces = FORCES if outputs else names
+    shown_by = {*names, *(("yaw",) if "qw" in names and "vn" not in names else ())}
     pairs = [(speed, force) for speed, force in zip("uvwpqr", FORCES, strict=True) if force in forces]
     others = {"w": ({"depth"}, OF_WORLD | {"vd"}), "u": (PLACE, OF_WORLD), "v": (PLACE, OF_WORLD)}
-    usable = [
-        force for speed, force in pairs if any(shown <= set(names) for shown in ({speed}, *others.get(speed, ())))
-    ]
+    usable = [force for speed, force in pairs if any(shown <= shown_by for shown in ({speed}, *others.get(speed, ())))]
     if "t" not in names or not (usable or (part and (outputs or len(names) > 1))):
         raise HindraxError(
             f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
