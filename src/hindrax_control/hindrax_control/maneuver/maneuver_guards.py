@@ -44,6 +44,7 @@ class ManeuverGuardKnobs:
     depth_age_s: float = knob(1.0, 0.05, 10.0, "oldest depth [s]")
     braking_mps2: float = knob(0.35, 0.01, 10.0, "guaranteed deceleration [m/s^2]")
     blocked_s: float = knob(5.0, 0.5, 60.0, "longest time of thrust without motion [s]")
+    battery_s: float = knob(2.0, 0.0, 60.0, "longest time below the least voltage: a boost pulls it down [s]")
     patience_s: float = knob(0.3, 0.0, 10.0, "time for which tilt, speed and age must be wrong [s]")
     unproven: str = choice(
         AUTO, (AUTO, SLOW, FLY), "a vehicle file that was never commissioned: slow, but for a mock; slow; fly"
@@ -97,6 +98,7 @@ class ManeuverGuards:
         self._patience_s = dict.fromkeys((Reason.ATTITUDE, Reason.SPEED, Reason.SENSOR_AGE), self._knobs.patience_s)
         """The other guards act at once."""
         self._patience_s |= {Reason.DVL_LOCK: self._knobs.unlocked_s, Reason.BLOCKED: self._knobs.blocked_s}
+        self._patience_s |= {Reason.BATTERY: self._knobs.battery_s}
         self._wrong_since_s: dict[Reason, float] = {}
 
     def step(self, situation: Situation) -> tuple[Refusal, ...]:
