@@ -26,7 +26,8 @@ from hindrax_ident.assess.assessment import (
     result_of,
     unidentified,
 )
-from hindrax_ident.assess.influences import GAIN, LAG, LATENCY, MODEL, RUN, AxisFit
+from hindrax_ident.assess.axis_fit import AxisFit
+from hindrax_ident.assess.influences import GAIN, LAG, LATENCY, MODEL, RUN
 from hindrax_ident.assess.objections import Code, Objection, objection, unnamed
 from hindrax_ident.assess.quality import Evidence, excitation, measured_speed, measurement_noise
 from hindrax_ident.assess.results import Contribution, NextStep

@@ -9,7 +9,8 @@ from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
-from hindrax_ident.assess.influences import INFLUENCES, AxisFit
+from hindrax_ident.assess.axis_fit import AxisFit
+from hindrax_ident.assess.influences import INFLUENCES
 from hindrax_ident.assess.thrust_calibration import branch_covariance, modes, thrust_shares
 from hindrax_ident.assess.uncertainty_budget import Budget, budget_of
 from hindrax_ident.fit.output_error import OutputErrorFit, refine

@@ -9,19 +9,8 @@ import pytest
 
 from hindrax_core.vehicle import AxisGain, Mount, Vehicle
 from hindrax_ident.arrays import Array, Flags, array
-from hindrax_ident.assess.influences import (
-    GAIN,
-    INFLUENCES,
-    LOSSES,
-    MODEL,
-    MOST_RUNS,
-    OTHER_AXES,
-    RUN,
-    AxisFit,
-    Influence,
-    _coasts,
-    acting,
-)
+from hindrax_ident.assess.axis_fit import MOST_RUNS, AxisFit
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, LOSSES, MODEL, OTHER_AXES, RUN, Influence, _coasts, acting
 from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse

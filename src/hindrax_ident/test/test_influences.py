@@ -8,7 +8,8 @@ import pytest
 
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, LAG, LATENCY, MODEL, RUN, AxisFit, Influence, acting
+from hindrax_ident.assess.axis_fit import AxisFit
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, LAG, LATENCY, MODEL, RUN, Influence, acting
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, _Likelihood, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.model_parameters import wide_prior

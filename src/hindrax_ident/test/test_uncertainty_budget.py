@@ -8,7 +8,8 @@ import pytest
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, LAG, LATENCY, MODEL, RUN, AxisFit, Influence
+from hindrax_ident.assess.axis_fit import AxisFit
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, LAG, LATENCY, MODEL, RUN, Influence
 from hindrax_ident.assess.objections import Code
 from hindrax_ident.assess.uncertainty_budget import (
     ALL,

@@ -31,7 +31,8 @@ from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.assess.assessment import Assessment
-from hindrax_ident.assess.influences import LAG, LATENCY, OTHER_AXES, AxisFit
+from hindrax_ident.assess.axis_fit import AxisFit
+from hindrax_ident.assess.influences import LAG, LATENCY, OTHER_AXES
 from hindrax_ident.assess.posterior import NORMAL_SHARE
 from hindrax_ident.assess.uncertainty_budget import FREEDOM, NEAR_ODDS
 from hindrax_ident.fit.output_error_problem import LinearizedProblem, linearize

@@ -12,7 +12,8 @@ import numpy as np
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import FOUND_DELAY_S, LAG, LATENCY, MODEL, RUN, AxisFit
+from hindrax_ident.assess.axis_fit import FOUND_DELAY_S, AxisFit
+from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import Draws
 from hindrax_ident.assess.quality import (

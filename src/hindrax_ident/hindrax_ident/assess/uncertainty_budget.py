@@ -35,9 +35,9 @@ import numpy as np
 
 from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.assess.axis_fit import HEAVE, AxisFit
 from hindrax_ident.assess.influences import (
     GAIN,
-    HEAVE,
     INFLUENCES,
     LAG,
     LATENCY,
@@ -47,7 +47,6 @@ from hindrax_ident.assess.influences import (
     OTHER_AXES,
     RUN,
     STAMPS,
-    AxisFit,
     Influence,
     acting,
 )
