@@ -284,7 +284,7 @@ def test_a_leg_that_might_end_at_a_wall_is_shortened(hindrax: Vehicle, ideal_veh
     assert output.aborted == ""
     assert {"surge", "sway"} == {one.motion for one in phases if one.phase == "plateau"}
     assert rig.ideal.sigma_m > 0.5
-    assert 0.0 < min(reach_m) < 0.2
+    assert 0.1 < min(reach_m) < 0.3
 
 
 def test_a_leg_of_which_little_would_be_left_is_not_flown(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:

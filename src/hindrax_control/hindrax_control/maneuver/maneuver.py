@@ -36,8 +36,9 @@ SETTLING_S = 2.5
 """Time to come to rest at a place, beside the way to it."""
 SILENT_S = 1.0
 """Age of the last echo beyond which a maneuver uses the depth instead."""
-MARGIN_GROWS_m = 0.15
-"""A shortened leg keeps off the walls by this much more than their guard wants: uncertainty grows on its way."""
+MARGIN_GROWS_m = 0.3
+"""A shortened leg keeps off the walls by this much more than their guard wants: uncertainty grows on its way, and it
+rests a little beyond its end."""
 
 
 @dataclass(frozen=True, slots=True)
