@@ -306,6 +306,23 @@ def pose(kind: type, t: float, mount: Mount, zero_m: float) -> Any:
     return made
 
 
+PLACE = Noise(0.001)
+
+
+def tracked(t: float, mount: Mount) -> PoseStamped:
+    """Pose of the markers; while they are hidden, the last one again."""
+    seen_s = LOST_s[0] if lost(t) else t
+    made: PoseStamped = pose(PoseStamped, t, mount, SURFACE_m)
+    north, east, depth_m = TRUTH.point(seen_s, mount.position_m)
+    q = made.pose.orientation
+    q.x, q.y, q.z, q.w = xyzw_from_sname(*TRUTH.attitude(seen_s))
+    set_xyz(
+        made.pose.position,
+        (east, north, SURFACE_m - depth_m) if lost(t) else PLACE.on((east, north, SURFACE_m - depth_m)),
+    )
+    return made
+
+
 def on_zed(t: float, mount: Mount) -> Odometry:
     """zed_camera_component_main.cpp: velocity of the camera in its own axes, x forward, y left, z up."""
     return odometry(t, mount, "odom", "zed_camera_link")
@@ -334,9 +351,7 @@ DRIVERS: dict[str, Driver] = {
     "/bar30/pressure": Driver(lambda: FluidPressure, BEST_EFFORT, 20.0, pressure),
     "/bar30/odom": Driver(lambda: Odometry, 10, 50.0, bar30_odometry),
     "/ping1d/range": Driver(lambda: Range, 10, 10.0, echo),
-    "/vrpn_mocap/rov/pose": Driver(
-        lambda: PoseStamped, BEST_EFFORT, 100.0, lambda t, mount: pose(PoseStamped, t, mount, SURFACE_m)
-    ),
+    "/vrpn_mocap/rov/pose": Driver(lambda: PoseStamped, BEST_EFFORT, 100.0, tracked),
     "/usbl/pose": Driver(
         lambda: PoseWithCovarianceStamped, 10, 5.0, lambda t, mount: pose(PoseWithCovarianceStamped, t, mount, 0.0)
     ),
@@ -477,7 +492,7 @@ def node_of(graph: Graph, kind: type) -> Any:
 def test_each_row_and_line_has_its_publisher() -> None:
     named = set(re.findall(r":=(/[\w/]+)", " ".join([*(row["words"] for row in ROWS), *LINES])))
     assert named == set(DRIVERS)
-    assert len(ROWS) == 15
+    assert len(ROWS) == 16
     assert len(LINES) == 3
 
 

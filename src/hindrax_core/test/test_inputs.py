@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_core.hydrostatics import Water
+from hindrax_core.hydrostatics import GRAVITY_mps2, Water
 from hindrax_core.messages.contents import bytes_reader
 from hindrax_core.messages.definition import ONE, Definition, Field
 from hindrax_core.messages.inputs import INPUTS, InputKnobs
@@ -110,13 +110,25 @@ def test_zeros_without_a_variance_are_a_driver_without_bottom_lock(word: str) ->
     assert made_of("velocity", word, 0.0, 0.0, 0.0, 1e-6, *(0.0,) * 35).velocity_mps == (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("word", ["pose", "pose_stamped", "odometry"])
-def test_a_height_is_the_pressure_at_its_depth(word: str) -> None:
-    found = made_of("depth", word, -1.2)
+@pytest.mark.parametrize(("word", "around"), [("pose", (0.4, 0.3)), ("pose_stamped", (0.4, 0.3)), ("odometry", ())])
+def test_a_height_is_the_pressure_at_its_depth(word: str, around: tuple[float, ...]) -> None:
+    attitude = (0.0, 0.0, 0.0, 1.0) if around else ()
+    found = made_of("depth", word, *around, -1.2, *attitude)
     assert isinstance(found, Pressure)
     assert WATER.depth_m(found.pressure_Pa) == pytest.approx(1.2)
-    above_the_floor = made_of("depth", word, 0.6, surface_m=1.8)
+    above_the_floor = made_of("depth", word, *around, 0.6, *attitude, surface_m=1.8)
     assert WATER.depth_m(above_the_floor.pressure_Pa) == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("word", ["pose", "pose_stamped"])
+def test_a_pose_that_a_tracker_repeats_is_no_depth(word: str) -> None:
+    """While the markers are hidden the last pose comes again, with a new stamp: it was a depth at rest."""
+    made: Callable[..., Any] = INPUTS["depth"][word].contents(WATER, InputKnobs()).made
+    seen = (0.4, 0.3, -1.2, 0.0, 0.0, 0.0, 1.0)
+    made(*seen)
+    with pytest.raises(ValueError, match="found the same pose twice, to the last digit, wanted it as it is seen"):
+        made(*seen)
+    assert made(0.41, *seen[1:]).pressure_Pa == pytest.approx(WATER.surface_pressure_Pa + 1.2 * 1000.0 * GRAVITY_mps2)
 
 
 def test_our_own_messages_are_the_default() -> None:

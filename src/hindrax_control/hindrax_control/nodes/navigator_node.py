@@ -70,7 +70,7 @@ def sources(vehicle: Vehicle, inputs: InputKnobs = OURS) -> dict[topics.Topic, t
             # Many drivers publish best effort, of which a reliable reader gets nothing.
             quality = replace(topic.quality, reliable=False)
             theirs = replace(topic, name=f"{name}/{word}", type=row.type, quality=quality)
-            read = contents_reader(row.type, row.contents(vehicle.water, inputs))
+            read = row.together(contents_reader(row.type, row.contents(vehicle.water, inputs)))
             found[theirs] = name, read
     return found
 
