@@ -1,5 +1,6 @@
 """What third-party sensors leave behind is left out and told; what only looks like it stays."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -235,3 +236,48 @@ def test_gaps_are_reported() -> None:
     found = without_damage(replace(whole, velocity_t=T[keep], velocity=whole.velocity[keep]))
     (reported,) = found.assumptions
     assert reported.startswith("no velocity for 12.2 s in 1 gap, the longest of 12.2 s after 19.9 s")
+
+
+def placed(way: Array) -> Recording:
+    """A record of places along surge, with a little noise of the others."""
+    around = 0.002 * np.random.default_rng(3).standard_normal((len(T), 2))
+    return replace(recorded(np.full(len(T), np.nan)), way_t=T, way=array(np.column_stack([way, around])))
+
+
+def way_of(v: Array) -> Array:
+    return array(np.cumsum(v) * PERIOD_S + 0.002 * np.random.default_rng(4).standard_normal(len(T)))
+
+
+def held(record: Recording, *spans: tuple[float, float]) -> Recording:
+    """The record with the place before each span in all of it."""
+    way = record.way.copy()
+    for begin, end in spans:
+        rows = np.flatnonzero((record.way_t >= begin) & (record.way_t < end))
+        way[rows] = way[rows[0]]
+    return replace(record, way=array(way))
+
+
+def test_places_that_a_tracker_repeats_are_none() -> None:
+    """While the markers are hidden the last pose comes again: a vehicle that stops and leaps, "not identifiable"."""
+    clean = placed(way_of(moving()))
+    assert without_damage(clean).assumptions == ()
+    found = without_damage(held(clean, (10.0, 10.8), (25.0, 27.0), (float(T[-1]) - 2.0, math.inf)))
+    (note,) = found.assumptions
+    assert "places repeat the one before, as of a tracker that does not see the vehicle" in note
+    assert "left out (3 stretches, the first after 10.1 s)" in note
+    kept = np.isin(clean.way_t, found.way_t)
+    assert found.way == pytest.approx(clean.way[kept])
+    gone = clean.way_t[~kept]
+    assert len(gone) == pytest.approx(4.8 / PERIOD_S, abs=6)
+
+
+@pytest.mark.parametrize("digits", [2, 3, 4])
+def test_a_coarse_range_comes_to_rest_and_stays(digits: int) -> None:
+    """Slow motion and rest repeat coarse values, and neither begins nor ends at once."""
+    resting = np.where(
+        (T > 20.0) & (T < 40.0), 0.0, np.sin((T - 20.0) / 5.0) * np.minimum(1.0, np.abs(T - 30.0) - 10.0)
+    )
+    way = np.cumsum(0.2 * resting) * PERIOD_S
+    record = placed(way_of(moving()))
+    rested = replace(record, way=array(np.column_stack([np.round(way, digits), np.zeros((len(T), 2))])))
+    assert without_damage(rested).assumptions == ()

@@ -19,6 +19,8 @@ from hindrax_ident.model.thrust_lag import LaggedThrust
 
 SHORTEST_STUCK_S, FEWEST_EQUAL = 0.5, 5
 """Least time and number of equal values of a stretch."""
+FEWEST_REPEATS = 3
+"""Least number of places that repeat the one before."""
 CHANCE_OF_EQUAL = 1e-6
 """Probability below which equal values in a row are no coincidence of a coarse resolution."""
 JUMP = 0.2
@@ -78,7 +80,42 @@ def without_damage(recording: Recording) -> Recording:
                 velocity[gone, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[gone, :3])
             notes.append(f"{name}: {damaged.sum()} {'velocity' if damaged.sum() == 1 else 'velocities'} {what}")
     whole = replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
-    return _without_contact(whole)
+    return _without_contact(_without_unseen(whole))
+
+
+def _without_unseen(recording: Recording) -> Recording:
+    """The record without places that a tracker repeats to the last digit while it does not see the vehicle."""
+    t, way = recording.way_t, recording.way
+    steps = np.linalg.norm(np.nan_to_num(np.diff(way, axis=0)), axis=1)
+    if len(t) <= 2 * FEWEST_EQUAL or not steps.any():
+        return recording
+    repeats = (one for one in _runs(steps == 0.0) if one.stop - one.start >= FEWEST_REPEATS)
+    unseen = [slice(one.start + 1, one.stop + 1) for one in repeats if _leaps(steps, one) or _breaks_off(steps, one)]
+    if not unseen:
+        return recording
+    gone = _samples(unseen, len(t))
+    note = (
+        f"{gone.sum()} places repeat the one before, as of a tracker that does not see the vehicle: {_left(unseen, t)}"
+    )
+    assumptions = (*recording.assumptions, note)
+    return replace(recording, way_t=array(t[~gone]), way=array(way[~gone]), assumptions=assumptions)
+
+
+def _leaps(steps: Array, stretch: slice) -> bool:
+    """Whether steps (n,) of zero end with one over all that was not seen, larger than those before and after."""
+    sides = steps[max(0, stretch.start - STEPS_BESIDE) : stretch.start], steps[stretch.stop + 1 :][:STEPS_BESIDE]
+    usual = max((float(np.median(one)) for one in sides if len(one)), default=0.0)
+    return usual > 0.0 and stretch.stop < len(steps) and bool(steps[stretch.stop] > STEEP * usual)
+
+
+def _breaks_off(steps: Array, stretch: slice) -> bool:
+    """Whether steps (n,) end at once and begin at once: a vehicle comes to rest by ever smaller ones.
+
+    The record may end meanwhile; one that begins so may be of a vehicle at rest.
+    """
+    least = STEEP * float(steps[steps > 0.0].min())
+    before = stretch.start > 0 and steps[stretch.start - 1] > least
+    return bool(before and (stretch.stop == len(steps) or steps[stretch.stop] > least))
 
 
 def _without_contact(recording: Recording) -> Recording:
