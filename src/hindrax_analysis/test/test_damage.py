@@ -281,3 +281,18 @@ def test_a_coarse_range_comes_to_rest_and_stays(digits: int) -> None:
     record = placed(way_of(moving()))
     rested = replace(record, way=array(np.column_stack([np.round(way, digits), np.zeros((len(T), 2))])))
     assert without_damage(rested).assumptions == ()
+
+
+def test_depths_that_repeat_are_of_a_sensor_that_hangs() -> None:
+    depth = 3.0 + way_of(moving())
+    record = replace(recorded(moving()), attitude_t=T, attitude=array(np.column_stack([np.zeros((len(T), 2)), depth])))
+    assert without_damage(record).assumptions == ()
+    hung = record.attitude.copy()
+    hung[between(30.0, 32.0), 2] = hung[round(30.0 / PERIOD_S), 2]
+    found = without_damage(replace(record, attitude=hung))
+    (note,) = found.assumptions
+    assert note.startswith(
+        "19 depths repeat the one before, as of a sensor that hangs, or measures less often: left out"
+    )
+    assert np.flatnonzero(np.isnan(found.attitude[:, 2])).tolist() == list(range(301, 320))
+    assert np.isfinite(found.attitude[:, :2]).all()

@@ -20,7 +20,7 @@ from hindrax_ident.model.thrust_lag import LaggedThrust
 SHORTEST_STUCK_S, FEWEST_EQUAL = 0.5, 5
 """Least time and number of equal values of a stretch."""
 FEWEST_REPEATS = 3
-"""Least number of places that repeat the one before."""
+"""Least number of places or depths that repeat the one before."""
 CHANCE_OF_EQUAL = 1e-6
 """Probability below which equal values in a row are no coincidence of a coarse resolution."""
 JUMP = 0.2
@@ -80,25 +80,38 @@ def without_damage(recording: Recording) -> Recording:
                 velocity[gone, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[gone, :3])
             notes.append(f"{name}: {damaged.sum()} {'velocity' if damaged.sum() == 1 else 'velocities'} {what}")
     whole = replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
-    return _without_contact(_without_unseen(whole))
+    return _without_contact(_without_repeated(whole))
 
 
-def _without_unseen(recording: Recording) -> Recording:
-    """The record without places that a tracker repeats to the last digit while it does not see the vehicle."""
+def _without_repeated(recording: Recording) -> Recording:
+    """The record without places and depths that repeat to the last digit while nothing is measured."""
     t, way = recording.way_t, recording.way
-    steps = np.linalg.norm(np.nan_to_num(np.diff(way, axis=0)), axis=1)
-    if len(t) <= 2 * FEWEST_EQUAL or not steps.any():
-        return recording
+    notes = []
+    if unseen := _repeated(way):
+        gone = _samples(unseen, len(t))
+        who = "a tracker that does not see the vehicle, or looks less often"
+        notes.append(f"{gone.sum()} places repeat the one before, as of {who}: {_left(unseen, t)}")
+        recording = replace(recording, way_t=array(t[~gone]), way=array(way[~gone]))
+    attitude = recording.attitude.copy()
+    known = np.flatnonzero(np.isfinite(attitude[:, 2]))
+    if hung := _repeated(array(attitude[known, 2:])):
+        lost = known[_samples(hung, len(known))]
+        attitude[lost, 2] = np.nan
+        who = "a sensor that hangs, or measures less often"
+        notes.append(
+            f"{len(lost)} depths repeat the one before, as of {who}: {_left(hung, recording.attitude_t[known])}"
+        )
+        recording = replace(recording, attitude=array(attitude))
+    return replace(recording, assumptions=(*recording.assumptions, *notes)) if notes else recording
+
+
+def _repeated(values: Array) -> list[slice]:
+    """Rows of (n, k) that repeat those before, where these break off or go on with a leap."""
+    steps = np.linalg.norm(np.nan_to_num(np.diff(values, axis=0)), axis=1)
+    if len(steps) < 2 * FEWEST_EQUAL or not steps.any():
+        return []
     repeats = (one for one in _runs(steps == 0.0) if one.stop - one.start >= FEWEST_REPEATS)
-    unseen = [slice(one.start + 1, one.stop + 1) for one in repeats if _leaps(steps, one) or _breaks_off(steps, one)]
-    if not unseen:
-        return recording
-    gone = _samples(unseen, len(t))
-    note = (
-        f"{gone.sum()} places repeat the one before, as of a tracker that does not see the vehicle: {_left(unseen, t)}"
-    )
-    assumptions = (*recording.assumptions, note)
-    return replace(recording, way_t=array(t[~gone]), way=array(way[~gone]), assumptions=assumptions)
+    return [slice(one.start + 1, one.stop + 1) for one in repeats if _leaps(steps, one) or _breaks_off(steps, one)]
 
 
 def _leaps(steps: Array, stretch: slice) -> bool:
