@@ -14,6 +14,7 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from hindrax_analysis.identification.record_identification import TABLES, open_sources
 from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.recording import FEWEST_VELOCITIES, Recording, events, has_signal, reason_to_skip, tuned
 from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_core.errors import HindraxError, UsageError
@@ -165,6 +166,23 @@ def test_a_slow_topic_is_not_a_pause() -> None:
     knobs = tuned([slow])
     assert knobs.gap_s > 2.0
     assert knobs.thrust_age_s > 2.0
+
+
+def test_regular_forces_that_pause_are_unknown_and_those_at_changes_hold() -> None:
+    """Held for 2 s, the last force of a stream that was lost spoiled the result: k_q 66 +- 19 for 60."""
+
+    def read(every_s: float, pause_s: float) -> Recording:
+        times = [t for t in np.arange(0.0, 60.0, every_s).tolist() if not 20.0 < t < 20.0 + pause_s]
+        return read_csv("t,u,X\n" + "\n".join(f"{t:.3f},{i % 5},{1 + i % 3}" for i, t in enumerate(times)), "x.csv")
+
+    lost = read(0.05, 1.5)
+    assert tuned([lost]).thrust_age_s == 0.5
+    (note,) = (one for one in without_damage(lost).assumptions if "no force" in one)
+    assert note == "no force for 1.5 s in one pause, the longest of 1.5 s after 20 s: what moved meanwhile is left out"
+    assert tuned([read(0.05, 0.0)]).thrust_age_s == 0.5
+    changes = read_csv("t,u,X\n" + "\n".join(f"{(i**1.5):.3f},{i % 5},{i % 3}" for i in range(60)), "x.csv")
+    assert tuned([changes]).thrust_age_s > 10.0
+    assert tuned([lost, changes]).thrust_age_s > 10.0
 
 
 @pytest.mark.parametrize("ending", TABLES)

@@ -1,5 +1,6 @@
 """From what the maneuver says to stretches of time."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -75,7 +76,16 @@ def test_old_thrust_parts_a_stretch() -> None:
     thrust_times = np.concatenate([regular(0.0, 4.0), regular(8.0, 10.0)])
     thrust = Series(thrust_times, np.ones(len(thrust_times)))
     found = spans(usable([Stretch(0.0, 10.0)], regular(0.0, 10.0), thrust, LIMITS))
-    assert found == [(0.0, 5.9), (8.0, 9.9)]
+    assert found == [(0.0, 5.9), (8.6, 9.9)], "and the lag of what was commanded meanwhile is to be over"
+
+
+def test_a_short_time_of_unknown_thrust_parts_a_stretch_too() -> None:
+    thrust_times = np.concatenate([regular(0.0, 4.0), regular(4.7, 10.0)])
+    short = replace(LIMITS, thrust_age_s=0.5)
+    pushing = Series(thrust_times, np.ones(len(thrust_times)))
+    assert spans(usable([Stretch(0.0, 10.0)], regular(0.0, 10.0), pushing, short)) == [(0.0, 4.4), (5.3, 9.9)]
+    neutral = Series(thrust_times, np.where(np.abs(thrust_times - 3.9) < 0.01, 0.0, 1.0))
+    assert spans(usable([Stretch(0.0, 10.0)], regular(0.0, 10.0), neutral, short)) == [(0.0, 9.9)]
 
 
 def test_nothing_is_used_before_the_first_thrust() -> None:

@@ -226,7 +226,7 @@ def _pooled(recordings: Sequence[Recording], tuning: Tuning) -> SixAxisRecord:
             tables.setdefault(name, []).append(getattr(one, name))
         begin_s += one.end_s + APART_S
     v_t, v, w_t, w, a_t, a = (array(np.concatenate(parts)) for parts in tables.values())
-    return six_axis_record((v_t, v), (w_t, w), (a_t, a), tuning.gap_s)
+    return six_axis_record((v_t, v), (w_t, w), (a_t, a), tuning.gap_s, tuning.thrust_age_s)
 
 
 def _delays(vehicle: Vehicle, tuning: Tuning, *, foreign: bool) -> Delays:

@@ -12,10 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from hindrax_analysis.records.recording import Recording
+from hindrax_analysis.records.recording import Recording, longest_hold_s
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, Index, array
 from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.tuning import Tuning
 
 SHORTEST_STUCK_S, FEWEST_EQUAL = 0.5, 5
 """Least time and number of equal values of a stretch."""
@@ -79,7 +80,9 @@ def without_damage(recording: Recording) -> Recording:
                 rows = velocity[gone, :3]
                 velocity[gone, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[gone, :3])
             notes.append(f"{name}: {damaged.sum()} {'velocity' if damaged.sum() == 1 else 'velocities'} {what}")
-    whole = replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
+    whole = replace(
+        spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread), *_pauses(spread))
+    )
     return _without_contact(_without_repeated(whole))
 
 
@@ -347,6 +350,21 @@ def _evenly(t: Array, ends: Index) -> Array:
     even = np.interp(np.arange(len(t)), ends, t[ends])
     even[: ends[0]] = t[0]  # when the first burst began is unknown
     return array(even)
+
+
+def _pauses(recording: Recording) -> list[str]:
+    """Note on pauses of forces that come regularly otherwise."""
+    known = np.isfinite(recording.wrench).any(axis=1)
+    t, pushes = recording.wrench_t[known], (np.nan_to_num(recording.wrench[known]) != 0.0).any(axis=1)
+    steps, usual_s = np.diff(t), Tuning().thrust_age_s
+    limits_s = np.where(pushes[:-1], longest_hold_s(t, usual_s), max(usual_s, longest_hold_s(t, usual_s)))
+    found = np.flatnonzero(steps > limits_s)
+    if not len(found):
+        return []
+    longest = found[int(np.argmax(steps[found]))]
+    many = f"{len(found)} pauses" if len(found) > 1 else "one pause"
+    where = f"the longest of {steps[longest]:.3g} s after {t[longest]:.4g} s"
+    return [f"no force for {float(steps[found].sum()):.3g} s in {many}, {where}: what moved meanwhile is left out"]
 
 
 def _gaps(recording: Recording) -> list[str]:

@@ -43,6 +43,10 @@ PUSHED, LEAST_TIME = 0.2, 0.05
 GAINS = 0.6
 """Least sum of the gains under backward thrust, in that of the losses. Of 40 velocities of three vehicles it was 0 to
 0.56, where noise is most of a change; of their sizes 0.63 to 2."""
+FEWEST_STEPS, REGULAR, MOST_REGULAR = 50, 2.0, 0.9
+"""Forces come regularly where so many steps, at least, are within this many of their median in this share of them."""
+SHORTEST_HOLD_S = 0.5
+"""For so long a force counts at least, however often they come."""
 HALF_TURN = array(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]))
 """From forward, left, up to forward, starboard, down, and back."""
 
@@ -303,9 +307,33 @@ def tuned(recordings: Sequence[Recording], tuning: Tuning | None = None) -> Tuni
     """Knobs for the rates and stamps of third-party records: a slow topic is not a pause."""
     base = for_foreign_records(tuning or Tuning())
     slowest_v = max((max(_period(one.velocity_t), _period(one.way_t)) for one in recordings), default=0.0)
-    slowest_w = max((_period(one.wrench_t) for one in recordings), default=0.0)
     gap_s = min(60.0, max(base.gap_s, 5.0 * slowest_v))
-    return replace(base, gap_s=gap_s, thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w))
+    holds_s = [longest_hold_s(one.wrench_t, base.thrust_age_s) for one in recordings]
+    return replace(base, gap_s=gap_s, thrust_age_s=max(holds_s, default=base.thrust_age_s))
+
+
+def longest_hold_s(t: Array, usual_s: float) -> float:
+    """Age up to which a force counts.
+
+    What comes regularly and pauses was lost, or its publisher ended: nobody knows what the thrusters did. What comes at
+    changes alone holds until the next.
+
+    Parameters
+    ----------
+    t : (n,) [s]
+        Times of the forces.
+    usual_s : [s]
+        Of a stream that says nothing of itself.
+
+    Returns
+    -------
+    float
+        Longest age [s].
+    """
+    steps, period_s = np.diff(t), _period(t)
+    if len(steps) < FEWEST_STEPS or np.mean(steps <= REGULAR * period_s) < MOST_REGULAR:
+        return max(usual_s, 3.0 * period_s)
+    return max(min(usual_s, SHORTEST_HOLD_S), 5.0 * period_s)
 
 
 def _period(t: Array) -> float:

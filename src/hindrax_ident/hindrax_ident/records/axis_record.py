@@ -12,10 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_core.signals import BLOCKED
-from hindrax_ident.arrays import Array, array, largest
+from hindrax_ident.arrays import Array, Flags, array, largest
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
+NEUTRAL_S = 2.0
+"""For so long, at least, thrusters are at rest after a command of zero."""
+LAG_FORGOTTEN_S = 0.5
+"""After a time without commands the thrust of the first is unknown for so long: it depends on the one before."""
 EMPTY: Array = np.zeros(0)
 SPAN_S = 0.5
 """Time over which a velocity is a mean, where its noise must not count."""
@@ -320,14 +324,42 @@ def usable(spans: Sequence[Stretch], measured: Array, thrust: Series, tuning: Tu
     """
     if not len(thrust) or not len(measured):
         return ()
-    last = np.searchsorted(thrust.t, measured, side="right") - 1
-    fresh = (last >= 0) & (measured - thrust.t[np.maximum(last, 0)] <= tuning.thrust_age_s)
-    times = measured[fresh]
+    fresh = is_fresh(measured, thrust, tuning.thrust_age_s)
+    # The path does not go on over a time of unknown thrust, however short.
+    parts = np.split(measured, np.flatnonzero(np.diff(fresh.astype(int))) + 1)
     pieces: list[Stretch] = []
     for span in spans:
-        for run in _runs(span, times, tuning.gap_s):
-            pieces += _cut(run, tuning.stretch_s)
+        for times in parts[0 if fresh[0] else 1 :: 2]:
+            for run in _runs(span, times, tuning.gap_s):
+                pieces += _cut(run, tuning.stretch_s)
     return tuple(pieces)
+
+
+def is_fresh(measured: Array, thrust: Series, age_s: float) -> Flags:
+    """Whether the thrust is known at measurements: its command is, and has been for as long as its lag matters.
+
+    A pause that begins with zero is one of thrusters at rest, and is known for longer.
+
+    Parameters
+    ----------
+    measured : (n,) [s]
+        Their times.
+    thrust
+        Each of it holds until the next.
+    age_s : [s]
+        For how long at most.
+
+    Returns
+    -------
+    Flags
+        (n,)
+    """
+    holds_s = np.where(thrust.y == 0.0, max(age_s, NEUTRAL_S), age_s)
+    last = np.searchsorted(thrust.t, measured, side="right") - 1
+    fresh = (last >= 0) & (measured - thrust.t[np.maximum(last, 0)] <= holds_s[np.maximum(last, 0)])
+    for again in thrust.t[1:][np.diff(thrust.t) > holds_s[:-1]].tolist():
+        fresh &= (measured < again) | (measured > again + LAG_FORGOTTEN_S)
+    return np.asarray(fresh)
 
 
 def unbroken(span: Stretch, measured: Array, gap_s: float) -> list[Stretch]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_ident.arrays import Array, Index, array, rounding
-from hindrax_ident.records.axis_record import Series
+from hindrax_ident.records.axis_record import Series, is_fresh
 
 FINEST_S, COARSEST_S = 0.04, 0.1
 """Bounds of the step of the grid: thrust lags are longer, and what is faster is averaged by the noise of the fit."""
@@ -95,7 +95,11 @@ class SixAxisRecord:
 
 
 def six_axis_record(
-    velocity: tuple[Array, Array], wrench: tuple[Array, Array], attitude: tuple[Array, Array], gap_s: float
+    velocity: tuple[Array, Array],
+    wrench: tuple[Array, Array],
+    attitude: tuple[Array, Array],
+    gap_s: float,
+    thrust_age_s: float = math.inf,
 ) -> SixAxisRecord:
     """Make a record of tables, each with its times; NaN where something is unknown.
 
@@ -109,6 +113,8 @@ def six_axis_record(
         Roll, pitch and depth. The depth is used where no velocity of heave was measured.
     gap_s : [s]
         A longer pause between measurements divides stretches.
+    thrust_age_s : [s]
+        A thrust that is older is not known any more, which divides them too.
 
     Returns
     -------
@@ -129,10 +135,13 @@ def six_axis_record(
     if not len(w_t) or len(measured) < FEWEST_VELOCITIES:
         raise ValueError("the record holds too few velocities and forces for a fit of all axes")
     measured = measured[measured >= w_t[0]]
+    fresh = is_fresh(measured, Series(w_t, array(np.linalg.norm(w, axis=1))), thrust_age_s)
+    edges = np.flatnonzero((np.diff(measured) > gap_s) | (np.diff(fresh.astype(int)) != 0)) + 1
+    known = np.split(fresh, edges)
     pieces = [
         part
-        for part in np.split(measured, np.flatnonzero(np.diff(measured) > gap_s) + 1)
-        if len(part) > FEWEST_VELOCITIES
+        for part, there in zip(np.split(measured, edges), known, strict=True)
+        if len(part) > FEWEST_VELOCITIES and there.all()
     ]
     angles = [_finite(a_t, one) for one in a.T[:2]]
     step_s = min(COARSEST_S, max(FINEST_S, _period(velocities)))
