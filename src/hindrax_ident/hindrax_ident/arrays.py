@@ -63,3 +63,20 @@ def rounding(table: Array, axis: int) -> float:
     """
     kind = table[:, :3] if axis < 3 else table[:, 3:]
     return ROUNDING * float(np.abs(kind[np.isfinite(kind)]).max(initial=0.0))
+
+
+def stretches_of(found: Flags) -> list[slice]:
+    """Stretches of what is found.
+
+    Parameters
+    ----------
+    found : (n,)
+        Whether each is.
+
+    Returns
+    -------
+    list[slice]
+        In their order.
+    """
+    ends = np.flatnonzero(np.diff(np.concatenate(([0], found.astype(int), [0]))))
+    return [slice(first, end) for first, end in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True)]

@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from hindrax_analysis.records.interpolated import measured_rows
 from hindrax_analysis.records.recording import Recording, longest_hold_s
 from hindrax_core.vehicle import AXES
-from hindrax_ident.arrays import Array, Flags, Index, array
+from hindrax_ident.arrays import Array, Flags, Index, array, stretches_of
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.tuning import Tuning
 
@@ -73,6 +74,11 @@ def without_damage(recording: Recording) -> Recording:
         # One that was never measured is reported where it is asked for.
         if len(known) <= 2 * FEWEST_EQUAL or np.ptp(v) == 0.0:
             continue
+        measured = measured_rows(t, v)
+        if measured is not None:
+            velocity[known[~measured], axis] = np.nan
+            notes.append(f"{name}: velocities lie on lines between {measured.sum()} of {len(v)}: these alone are used")
+            known, t, v = known[measured], t[measured], v[measured]
         for what, damaged in _damage(t, v, thrust[known, axis]):
             gone = known[damaged]
             velocity[gone, axis] = np.nan
@@ -87,7 +93,7 @@ def without_damage(recording: Recording) -> Recording:
 
 
 def _without_repeated(recording: Recording) -> Recording:
-    """The record without places and depths that repeat to the last digit while nothing is measured."""
+    """The record without places and depths that repeat to the last digit, or lie on lines, between measurements."""
     t, way = recording.way_t, recording.way
     notes = []
     if unseen := _repeated(way):
@@ -97,6 +103,11 @@ def _without_repeated(recording: Recording) -> Recording:
         recording = replace(recording, way_t=array(t[~gone]), way=array(way[~gone]))
     attitude = recording.attitude.copy()
     known = np.flatnonzero(np.isfinite(attitude[:, 2]))
+    measured = measured_rows(recording.attitude_t[known], array(attitude[known, 2]))
+    if measured is not None:
+        attitude[known[~measured], 2] = np.nan
+        notes.append(f"depths lie on lines between {measured.sum()} of {len(known)}: these alone are used")
+        known = known[measured]
     if hung := _repeated(array(attitude[known, 2:])):
         lost = known[_samples(hung, len(known))]
         attitude[lost, 2] = np.nan
@@ -104,6 +115,7 @@ def _without_repeated(recording: Recording) -> Recording:
         notes.append(
             f"{len(lost)} depths repeat the one before, as of {who}: {_left(hung, recording.attitude_t[known])}"
         )
+    if notes:
         recording = replace(recording, attitude=array(attitude))
     return replace(recording, assumptions=(*recording.assumptions, *notes)) if notes else recording
 
@@ -113,7 +125,7 @@ def _repeated(values: Array) -> list[slice]:
     steps = np.linalg.norm(np.nan_to_num(np.diff(values, axis=0)), axis=1)
     if len(steps) < 2 * FEWEST_EQUAL or not steps.any():
         return []
-    repeats = (one for one in _runs(steps == 0.0) if one.stop - one.start >= FEWEST_REPEATS)
+    repeats = (one for one in stretches_of(steps == 0.0) if one.stop - one.start >= FEWEST_REPEATS)
     return [slice(one.start + 1, one.stop + 1) for one in repeats if _leaps(steps, one) or _breaks_off(steps, one)]
 
 
@@ -150,7 +162,7 @@ def _without_contact(recording: Recording) -> Recording:
     force = recording.wrench[commanded, HEAVE]
     up = LaggedThrust(recording.wrench_t[commanded], force, CONTACT_S).force(t) < -CONTACT_PUSH * np.abs(force).max()
     touching = (np.abs(depth - least) <= within) & up & (abs(least) < SURFACE_m)
-    stretches = [one for one in _runs(touching) if t[one.stop - 1] - t[one.start] >= CONTACT_S]
+    stretches = [one for one in stretches_of(touching) if t[one.stop - 1] - t[one.start] >= CONTACT_S]
     if not stretches:
         return recording
     velocity, attitude = recording.velocity.copy(), recording.attitude.copy()
@@ -162,12 +174,6 @@ def _without_contact(recording: Recording) -> Recording:
         f"heave: {lasts_s:.3g} s at the surface, while the thrust pushes up, are no free motion: {_left(stretches, t)}"
     )
     return replace(recording, velocity=velocity, attitude=attitude, assumptions=(*recording.assumptions, note))
-
-
-def _runs(found: Flags) -> list[slice]:
-    """Stretches of samples (n,) that are found, in the order of time."""
-    ends = np.flatnonzero(np.diff(np.concatenate(([0], found.astype(int), [0]))))
-    return [slice(first, end) for first, end in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True)]
 
 
 def _absent(v: Array) -> Iterator[tuple[float, Flags]]:
@@ -297,7 +303,7 @@ def _abrupt(v: Array, far: Flags, least: float) -> Flags:
     kept = np.flatnonzero(~apart)
     steps = np.abs(np.diff(np.interp(np.arange(len(v)), kept, v[kept])))
     found = np.zeros(len(v), dtype=bool)
-    for first, end in ((one.start, one.stop) for one in _runs(far)):
+    for first, end in ((one.start, one.stop) for one in stretches_of(far)):
         leaps = [abs(v[i] - v[j]) for i, j in ((first, first - 1), (end - 1, end)) if 0 <= j < len(v)]
         beside = [steps[max(0, first - 1 - STEPS_BESIDE) : max(0, first - 1)], steps[end : end + STEPS_BESIDE]]
         usual = max((float(np.median(one)) for one in beside if len(one)), default=0.0)
