@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import Vehicle
 

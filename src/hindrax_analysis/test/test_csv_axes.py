@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.recording import Recording
 from hindrax_ident.arrays import Array, array
 

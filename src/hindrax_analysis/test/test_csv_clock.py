@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hindrax_analysis.identification.record_identification import open_sources
-from hindrax_analysis.records.csv_record import COARSE_CLOCK, read_records
+from hindrax_analysis.records.csv.record import COARSE_CLOCK, read_records
 from hindrax_analysis.records.recording import Recording, reason_to_skip
 from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_core.errors import HindraxError

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hindrax_analysis.records.csv_columns import meaning_of, time_of
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.columns import meaning_of, time_of
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.errors import HindraxError
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from hindrax_analysis.records.csv_columns import meaning_of
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.columns import meaning_of
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.errors import HindraxError
 

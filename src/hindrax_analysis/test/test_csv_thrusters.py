@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from hindrax_analysis.records.csv_record import read_records
-from hindrax_analysis.records.csv_thrusters import is_supply, output_of
+from hindrax_analysis.records.csv.record import read_records
+from hindrax_analysis.records.csv.thrusters import is_supply, output_of
 from hindrax_analysis.records.recording import Recording
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.thrust_curve import AppliedWrench

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from hindrax_analysis.identification.record_identification import TABLES, open_sources
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.recording import FEWEST_VELOCITIES, Recording, events, has_signal, reason_to_skip, tuned
 from hindrax_analysis.records.third_party_bag import TopicSelection

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hindrax_analysis.identification.record_identification import IdentificationTask, identify_sources, open_sources
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_core.vehicle import Vehicle
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.recording import reason_to_skip
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.objections import Code

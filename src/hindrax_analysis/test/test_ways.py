@@ -8,7 +8,7 @@ import pytest
 
 from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, identify_sources
 from hindrax_analysis.records.bag_track import velocities_from_poses, ways_from_poses
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.recording import NO_TIMES, NO_WAYS, Recording, reason_to_skip
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_ident.arrays import Array, array

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_analysis.records.csv_columns import check_width, rows_of
+from hindrax_analysis.records.csv.columns import check_width, rows_of
 from hindrax_core.errors import HindraxError
 from hindrax_ident.arrays import Array
 

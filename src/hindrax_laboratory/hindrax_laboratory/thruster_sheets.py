@@ -14,7 +14,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from hindrax_analysis.records.csv_columns import KGF, LBF, rows_of
+from hindrax_analysis.records.csv.columns import KGF, LBF, rows_of
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import how_to_install
 from hindrax_ident.arrays import Array, array

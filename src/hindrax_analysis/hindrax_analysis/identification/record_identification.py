@@ -12,7 +12,7 @@ from hindrax_analysis.identification.bag_identification import Identified, ident
 from hindrax_analysis.identification.executor import HERE, Workers
 from hindrax_analysis.records import plausibility
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
-from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.own_bag import bag_events, is_mock, truth_in
 from hindrax_analysis.records.recording import (

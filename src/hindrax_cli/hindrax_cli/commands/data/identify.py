@@ -36,8 +36,8 @@ from hindrax_analysis.identification.record_identification import (
 )
 from hindrax_analysis.identification.verdict import NextCommand, NextFlight, NextReport, show_next
 from hindrax_analysis.records.autopilot_vehicle import A_SIMULATOR, BOX, OF_THE_SIMULATOR, logged_wiring, wired
-from hindrax_analysis.records.csv_columns import COLUMNS
-from hindrax_analysis.records.csv_thrusters import MEANING, OUTPUTS
+from hindrax_analysis.records.csv.columns import COLUMNS
+from hindrax_analysis.records.csv.thrusters import MEANING, OUTPUTS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import print_answer, working
 from hindrax_bag.run_folder import RunFolder

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from hindrax_analysis.records.bag_track import STEP_BACK_PERIODS, STEP_BACK_S, are_exact, ways_from_poses
-from hindrax_analysis.records.csv_angles import in_radians
-from hindrax_analysis.records.csv_axes import (
+from hindrax_analysis.records.csv.angles import in_radians
+from hindrax_analysis.records.csv.axes import (
     OF_WORLD,
     frame_by_depth,
     with_angles,
@@ -17,7 +17,7 @@ from hindrax_analysis.records.csv_axes import (
     with_depths,
     with_velocities_of_world,
 )
-from hindrax_analysis.records.csv_columns import (
+from hindrax_analysis.records.csv.columns import (
     QUATERNION,
     Meaning,
     Row,
@@ -33,7 +33,7 @@ from hindrax_analysis.records.csv_columns import (
     rows_of,
     time_of,
 )
-from hindrax_analysis.records.csv_thrusters import (
+from hindrax_analysis.records.csv.thrusters import (
     MEANING,
     OUTPUTS,
     OutputColumn,
@@ -87,7 +87,7 @@ def read_records(
     part
         Whether velocities or forces alone do.
     vehicle
-        Makes forces of the columns of single thrusters (`csv_thrusters`); None: not known.
+        Makes forces of the columns of single thrusters (`thrusters`); None: not known.
 
     Returns
     -------

@@ -12,8 +12,8 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from hindrax_analysis.records.csv_agreement import slope_of
-from hindrax_analysis.records.csv_columns import DEGREE
+from hindrax_analysis.records.csv.agreement import slope_of
+from hindrax_analysis.records.csv.columns import DEGREE
 from hindrax_ident.arrays import Array, array
 
 ANGLES = {"roll": "p", "pitch": "q", "yaw": "r"}

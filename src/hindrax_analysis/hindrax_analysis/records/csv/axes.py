@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hindrax_analysis.records.bag_track import tilts_of
-from hindrax_analysis.records.csv_agreement import slope_of
-from hindrax_analysis.records.csv_columns import QUATERNION
+from hindrax_analysis.records.csv.agreement import slope_of
+from hindrax_analysis.records.csv.columns import QUATERNION
 from hindrax_ident.arrays import Array, array
 
 LEAST_SLOPE = 0.5

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hindrax_analysis.records.csv_columns import UNITS, plain_unit
+from hindrax_analysis.records.csv.columns import UNITS, plain_unit
 from hindrax_analysis.records.thruster_values import FORCES, PULSES, THROTTLES, ThrusterValues, wrenches_of_thrusters
 from hindrax_control.allocation.thrust_curve import SERVO_US
 from hindrax_core.errors import UsageError
