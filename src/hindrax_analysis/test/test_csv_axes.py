@@ -206,3 +206,23 @@ def test_a_quaternion_that_was_never_filled_in_says_nothing(turned: Array) -> No
 def test_of_two_quaternions_none_is_used() -> None:
     found = read(ROLLS | quaternion("rov_orientation_{}") | quaternion("camera_orientation_{}"))
     assert not np.isfinite(found.attitude).any()
+
+
+@pytest.mark.parametrize(("angle", "moment", "axis"), [("roll", "K", 3), ("pitch", "M", 4), ("heading", "N", 5)])
+def test_the_rate_of_an_angle_beside_its_moment_follows_from_it(angle: str, moment: str, axis: int) -> None:
+    """A compass and a moment were refused: "wanted at least one pair of velocity and force"."""
+    turned = 0.4 * np.sin(T / 3.0) + (3.0 if angle == "heading" else 0.0)
+    noisy = turned + np.random.default_rng(2).normal(0.0, 1e-4, len(T))
+    found = read({f"{angle}_deg": array(np.degrees(noisy)), moment: PUSH})
+    rates = found.velocity[:, axis]
+    known = np.isfinite(rates)
+    assert known.sum() > 0.9 * len(T)
+    assert rates[known] == pytest.approx(0.4 / 3.0 * np.cos(found.velocity_t[known] / 3.0), abs=0.01)
+    assert np.isnan(np.delete(found.velocity, axis, axis=1)).all()
+    assert f"{'pqr'[axis - 3]} follows from {'yaw' if axis == 5 else angle}" in found.assumptions
+
+
+def test_a_rate_in_the_file_stays_and_none_is_made_without_its_moment() -> None:
+    rates = array(0.1 * np.cos(T / 3.0))
+    assert read({"yaw": PSI, "r": rates, "N": PUSH}).velocity[:, 5] == pytest.approx(rates, abs=1e-6)
+    assert np.isnan(read({"yaw": PSI, "u": SINKS, "X": PUSH}).velocity[:, 5]).all()

@@ -6,9 +6,16 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from hindrax_analysis.records.bag_track import STEP_BACK_PERIODS, STEP_BACK_S, are_exact, ways_from_poses
-from hindrax_analysis.records.csv.angles import in_radians
+from hindrax_analysis.records.bag_track import (
+    STEP_BACK_PERIODS,
+    STEP_BACK_S,
+    are_exact,
+    velocities_from_poses,
+    ways_from_poses,
+)
+from hindrax_analysis.records.csv.angles import ANGLES, in_radians
 from hindrax_analysis.records.csv.axes import (
     OF_WORLD,
     frame_by_depth,
@@ -141,9 +148,9 @@ def read_records(
     steps = "once" if len(recordings) == 2 else f"{len(recordings) - 1} times"
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
     twice = f"{repeated} lines that repeat others were left out" if repeated else ""
-    assumptions = tuple(
-        one for one in (by_size, *by_angles, *by_quaternion, *by_world, *axes, forces_are, twice, coarse, back) if one
-    )
+    rated = [f"{ANGLES[angle]} follows from {angle}" for angle in _rated(columns)]
+    of_motion = (*by_angles, *by_quaternion, *by_world, *rated)
+    assumptions = tuple(one for one in (by_size, *of_motion, *axes, forces_are, twice, coarse, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
 
@@ -283,9 +290,11 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
         raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
     outputs = {} if set(FORCES) & set(names) else output_columns(header)
     forces = FORCES if outputs else names
-    shown_by = {*names, *(("yaw",) if "qw" in names and "vn" not in names else ())}
+    turned = ("roll", "pitch", *(("yaw",) if "vn" not in names else ()))
+    shown_by = {*names, *(turned if "qw" in names else ())}
     pairs = [(speed, force) for speed, force in zip("uvwpqr", FORCES, strict=True) if force in forces]
-    others = {"w": ({"depth"}, OF_WORLD | {"vd"}), "u": (PLACE, OF_WORLD), "v": (PLACE, OF_WORLD)}
+    others: dict[str, tuple[set[str], ...]] = {rate: ({angle},) for angle, rate in ANGLES.items()}
+    others |= {"w": ({"depth"}, OF_WORLD | {"vd"}), "u": (PLACE, OF_WORLD), "v": (PLACE, OF_WORLD)}
     usable = [force for speed, force in pairs if any(shown <= shown_by for shown in ({speed}, *others.get(speed, ())))]
     if "t" not in names or not (usable or (part and (outputs or len(names) > 1))):
         raise HindraxError(
@@ -387,7 +396,34 @@ def _recording(source: str, columns: dict[str, Array]) -> Recording:
         table = np.stack([columns.get(name, empty) for name in names], axis=1)
         known = np.isfinite(table).any(axis=1)
         parts.append((t[known] - origin, table[known]))
-    return Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way)
+    recording = Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way)
+    return _with_rates_of_angles(recording, columns)
+
+
+def _rated(columns: Collection[str]) -> list[str]:
+    """Angles whose rate the file does not have, where it has the moment about their axis."""
+    moments = zip(ANGLES.items(), FORCES[3:], strict=True)
+    return [angle for (angle, rate), moment in moments if {angle, moment} <= set(columns) and rate not in columns]
+
+
+def _with_rates_of_angles(recording: Recording, columns: dict[str, Array]) -> Recording:
+    """The record with the rates of the angles that are the only motion beside a moment."""
+    angles = {name: columns[name] for name in _rated(columns)}
+    known = np.isfinite(np.column_stack(list(angles.values()))).all(axis=1) if angles else np.zeros(0, dtype=bool)
+    if known.sum() < FEWEST_ROWS:
+        return recording
+    # An angle that is not there, or not known, is level.
+    level = np.zeros(int(known.sum()))
+    turned = [np.nan_to_num(columns[name][known]) if name in columns else level for name in ("yaw", "pitch", "roll")]
+    attitudes = array(Rotation.from_euler("ZYX", np.column_stack(turned)).as_quat())
+    t, nu = velocities_from_poses(columns["t"][known] - recording.origin_s, np.zeros((len(level), 3)), attitudes)
+    nu[:, :3] = NAN
+    for axis, (name, _) in enumerate(ANGLES.items(), start=3):
+        nu[:, axis] = nu[:, axis] if name in angles else NAN
+    times = np.concatenate([recording.velocity_t, t])
+    order = np.argsort(times, kind="stable")
+    velocity = array(np.concatenate([recording.velocity, nu])[order])
+    return replace(recording, velocity_t=array(times[order]), velocity=velocity)
 
 
 def _ways(columns: dict[str, Array], origin: float) -> tuple[Array, Array]:
