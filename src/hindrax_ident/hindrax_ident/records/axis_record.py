@@ -357,9 +357,9 @@ def is_fresh(measured: Array, thrust: Series, age_s: float) -> Flags:
     holds_s = np.where(thrust.y == 0.0, max(age_s, NEUTRAL_S), age_s)
     last = np.searchsorted(thrust.t, measured, side="right") - 1
     fresh = (last >= 0) & (measured - thrust.t[np.maximum(last, 0)] <= holds_s[np.maximum(last, 0)])
-    for again in thrust.t[1:][np.diff(thrust.t) > holds_s[:-1]].tolist():
-        fresh &= (measured < again) | (measured > again + LAG_FORGOTTEN_S)
-    return np.asarray(fresh)
+    again = np.append(-np.inf, thrust.t[1:][np.diff(thrust.t) > holds_s[:-1]])
+    resumed = measured - again[np.searchsorted(again, measured, side="right") - 1]
+    return np.asarray(fresh & (resumed > LAG_FORGOTTEN_S))
 
 
 def unbroken(span: Stretch, measured: Array, gap_s: float) -> list[Stretch]:
