@@ -7,7 +7,9 @@ import pytest
 
 from hindrax_analysis.records.plausibility import (
     INERTIA_SHARE,
+    is_grave,
     not_driven,
+    turned_by,
     with_inertia_uncertainty,
     with_plausibility_check,
 )
@@ -91,3 +93,49 @@ def test_a_mass_that_may_be_anything_is_no_wrong_unit(sigma_kg: float, implausib
     surge = replace(turned("surge"), coefficients={"added_mass": Number(240.0, 1.0, sigma_kg)})
     codes = [one.code for one in with_plausibility_check(surge, BOX).reasons]
     assert codes == ([Code.IMPLAUSIBLE_MASS] if implausible else [])
+
+
+def steered(
+    turn: complex = 1.0, *, mirrored: bool = False, sway_N: float = 12.0, current_mps: float = 0.0
+) -> Recording:
+    """Sticks of surge and sway; the velocity is turned, or both axes change places."""
+    rng, v, speeds, forces = np.random.default_rng(7), 0.0j, [], []
+    pushes = np.repeat(rng.uniform(-1.0, 1.0, (60, 2)) * (20.0, sway_N), 40, axis=0)
+    for X, Y in pushes.tolist():
+        speeds.append(v)
+        forces.append((X, Y))
+        v += 0.05 * (X + 1j * Y - 60.0 * abs(v) * v.real - 90.0j * abs(v) * v.imag) / 30.0
+    seen = np.array(speeds) * turn
+    t = array(0.05 * np.arange(len(seen)))
+    velocity, wrench = np.full((len(t), 6), np.nan), np.zeros((len(t), 6))
+    columns = [seen.imag, seen.real] if mirrored else [seen.real, seen.imag]
+    velocity[:, :2] = np.column_stack(columns) + rng.normal(0.0, 0.02, (len(t), 2)) + (0.0, current_mps)
+    wrench[:, :2] = forces
+    return Recording("made", t, velocity, t, wrench, np.zeros(0), np.zeros((0, 3)))
+
+
+@pytest.mark.parametrize("angle_deg", [-135.0, -45.0, -12.0, 12.0, 25.0, 90.0])
+def test_a_sensor_that_is_turned_in_the_hull_is_named(angle_deg: float) -> None:
+    """45 deg made "most by stamps of the record: record thrust and velocity with stamps of one clock"."""
+    found = turned_by([steered(np.exp(1j * np.radians(angle_deg)))])
+    assert found.code is Code.TURNED_VELOCITY
+    assert found.numbers["angle_deg"] == pytest.approx(abs(angle_deg), abs=3.0)
+    assert found.numbers["side"] == ("starboard" if angle_deg > 0.0 else "port")
+    assert is_grave(found) is (abs(angle_deg) > 20.0)
+
+
+def test_axes_that_change_places_are_named() -> None:
+    found = turned_by([steered(mirrored=True)])
+    assert found.code is Code.SWAPPED_VELOCITIES
+    assert is_grave(found)
+
+
+@pytest.mark.parametrize(
+    "record",
+    [steered(), steered(current_mps=0.3), steered(np.exp(0.1j)), steered(-1.0), steered(np.exp(1.0j), sway_N=1.0)],
+    ids=["true", "a current", "5 deg", "a wrong sign", "surge alone"],
+)
+def test_what_is_not_turned_or_cannot_be_told_is_no_objection(record: Recording) -> None:
+    assert not turned_by([record])
+    assert not is_grave(turned_by([record]))
+    assert not turned_by([])

@@ -74,6 +74,11 @@ SAID = {
     objection(Code.AGAINST_THRUST): "it moves against its thrust: check the sign of the wrench, and the axes of both",
     objection(Code.BRAKED_BY_THRUST): "its thrust brakes the motion, as of a controller that holds it: other forces "
     "move it; push on it on purpose, or check the sign of the wrench",
+    objection(Code.SWAPPED_VELOCITIES): "thrust along surge moves it along sway, and along sway along surge: check the "
+    "axes of velocity and wrench",
+    objection(Code.TURNED_VELOCITY, angle_deg=44.7, side="port"): "the velocity points 45 deg to port of the thrust: "
+    "the sensor is turned in the hull, or the axes of the wrench are; name its rotation in the vehicle file, or turn "
+    "the velocities back",
     objection(Code.IMPLAUSIBLE_SPEED, speed=450.0, unit="m/s"): "speeds of up to 450 m/s: check the units of force "
     "and velocity, and the vehicle file",
     objection(Code.IMPLAUSIBLE_MASS, times=40.2): "the added mass is 40 times the body's own: check the units of force "

@@ -38,8 +38,9 @@ from hindrax_core.topics import ALLOCATION, ODOMETRY, resolved
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import Assessment, unidentified
+from hindrax_ident.assess.objections import NO_OBJECTION, Objection
 from hindrax_ident.assess.results import MotionResult, Results, with_truth
-from hindrax_ident.model.motion_model import MOTIONS, motions_of
+from hindrax_ident.model.motion_model import HORIZONTAL, MOTIONS, motions_of
 from hindrax_ident.online.coupled_masses import FoundMasses, with_found_masses
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.records.axis_record import Record
@@ -418,13 +419,11 @@ def _identify_recordings(
         return outcomes
 
     found = dict(zip(flown, with_found_masses(vehicle, fit_all), strict=True))
+    turned = plausibility.turned_by(recordings)
     for axis, usable in usable_on.items():
         if usable:
-            outcome = found[axis]
-            against = plausibility.not_driven(usable, axis)
-            for name, one in outcome.results.motions.items():
-                motions[name] = plausibility.with_plausibility_check(one, vehicle, against)
-            assessments |= outcome.assessments
+            motions |= _plausible(found[axis], vehicle, axis, plausibility.not_driven(usable, axis), turned)
+            assessments |= found[axis].assessments
         elif task.axes or any(has_signal(one, axis) for one in recordings):
             motions |= _skipped(recordings[0], axis)
     if not motions:
@@ -435,6 +434,21 @@ def _identify_recordings(
         raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
     results = Results({name: _weighed(one, vehicle, task) for name, one in motions.items()}, vehicle)
     return Identified(Outcome(results, assessments), results, mock=False, traces=traces)
+
+
+def _plausible(
+    outcome: Outcome, vehicle: Vehicle, axis: int, not_driven: Objection, turned: Objection
+) -> dict[str, MotionResult]:
+    """Motions of an axis with what speaks against them; a sensor that is turned a little is a warning."""
+    turned = turned if axis in HORIZONTAL else NO_OBJECTION
+    grave = turned if plausibility.is_grave(turned) else NO_OBJECTION
+    found = {
+        name: plausibility.with_plausibility_check(one, vehicle, not_driven or grave)
+        for name, one in outcome.results.motions.items()
+    }
+    if turned and not grave:
+        found = {name: replace(one, warnings=(*one.warnings, turned)) for name, one in found.items()}
+    return found
 
 
 def _weighed(one: MotionResult, vehicle: Vehicle, task: IdentificationTask) -> MotionResult:

@@ -59,6 +59,9 @@ class Code(StrEnum):
     # ---- numbers that no vehicle has
     AGAINST_THRUST = "against_thrust"
     BRAKED_BY_THRUST = "braked_by_thrust"
+    SWAPPED_VELOCITIES = "swapped_velocities"
+    TURNED_VELOCITY = "turned_velocity"
+    """A warning where it is turned by little."""
     IMPLAUSIBLE_SPEED = "implausible_speed"
     IMPLAUSIBLE_MASS = "implausible_mass"
     IMPLAUSIBLE_DRAG = "implausible_drag"
@@ -130,6 +133,10 @@ SENTENCES: Mapping[Code, str] = {
     Code.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench, and the axes of both",
     Code.BRAKED_BY_THRUST: "its thrust brakes the motion, as of a controller that holds it: other forces move it; "
     "push on it on purpose, or check the sign of the wrench",
+    Code.SWAPPED_VELOCITIES: "thrust along surge moves it along sway, and along sway along surge: check the axes of "
+    "velocity and wrench",
+    Code.TURNED_VELOCITY: "the velocity points {angle_deg:.0f} deg to {side} of the thrust: the sensor is turned in "
+    "the hull, or the axes of the wrench are; name its rotation in the vehicle file, or turn the velocities back",
     Code.IMPLAUSIBLE_SPEED: f"speeds of up to {{speed:.3g}} {{unit}}: {_UNITS}",
     Code.IMPLAUSIBLE_MASS: f"the added mass is {{times:.0f}} times the body's own: {_UNITS}",
     Code.IMPLAUSIBLE_DRAG: f"the drag coefficient is {{found:.2g}}, wanted {{low:g}} to {{high:g}}: {_UNITS}",
