@@ -139,3 +139,12 @@ def test_what_is_not_turned_or_cannot_be_told_is_no_objection(record: Recording)
     assert not turned_by([record])
     assert not is_grave(turned_by([record]))
     assert not turned_by([])
+
+
+def test_a_vehicle_that_circles_is_not_turned() -> None:
+    """All the time to starboard, its velocity drags behind the bow."""
+    dragged = steered(complex(np.exp(-0.5j)))
+    velocity = dragged.velocity.copy()
+    velocity[:, 5] = 0.6
+    assert turned_by([dragged])
+    assert not turned_by([replace(dragged, velocity=velocity)])

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.objections import CAUSES, NO_OBJECTION, Code, Objection, objection
 from hindrax_ident.assess.results import Contribution, MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, rigid_mass
@@ -39,6 +40,8 @@ FEWEST_PLANAR, LEAST_PUSH, COHERENT = 50, 0.2, 0.7
 that follows the thrust: 0.92 to 0.97 of nine records of three vehicles in MuJoCo's fluid, turned by 3 deg at most."""
 TURNED_deg, HALF_deg = (8.0, 20.0), 150.0
 """Angles from which it is a warning, and from which nothing is identified; and beyond which it is a wrong sign."""
+STRAIGHT_radps = 0.15
+"""Yaw rate from which the vehicle turns."""
 DELAYS_S, BRAKED = (0.0, 0.1, 0.2, 0.3), -0.1
 """Usual delays of a motion behind its command, and the correlation of both below which the thrust takes energy out of
 the motion. At the best delay it was 0.27 and more of 40 motions of three vehicles that were flown, and -0.15 and less
@@ -112,7 +115,7 @@ def is_grave(turned: Objection) -> bool:
     return bool(turned) and isinstance(angle_deg, float) and angle_deg > TURNED_deg[1]
 
 
-def _planar(recording: Recording) -> tuple[np.ndarray[tuple[int], np.dtype[np.complex128]], ...]:
+def _planar(recording: Recording) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Thrust behind the usual lag, and velocity less its mean, as complex numbers: (n,) each."""
     commanded = np.isfinite(recording.wrench[:, :2]).all(axis=1)
     moved = np.isfinite(recording.velocity[:, :2]).all(axis=1)
@@ -121,7 +124,15 @@ def _planar(recording: Recording) -> tuple[np.ndarray[tuple[int], np.dtype[np.co
     t, times = recording.velocity_t[moved], recording.wrench_t[commanded]
     X, Y = (LaggedThrust(times, recording.wrench[commanded, axis], USUAL_S).force(t) for axis in (0, 1))
     u, v = recording.velocity[moved, :2].T
-    return X + 1j * Y, u - u.mean() + 1j * (v - v.mean())
+    straight = np.abs(_yaw_rates(recording, t)) < STRAIGHT_radps
+    return (X + 1j * Y)[straight], (u - u.mean() + 1j * (v - v.mean()))[straight]
+
+
+def _yaw_rates(recording: Recording, t: Array) -> Array:
+    """Yaw rates at these times, (n,) [rad/s]; 0 where none is known. In a turn the velocity drags behind the bow."""
+    known = np.isfinite(recording.velocity[:, 5])
+    rates = recording.velocity[known, 5]
+    return array(np.interp(t, recording.velocity_t[known], rates)) if known.any() else np.zeros(len(t))
 
 
 def _velocity_and_thrusts(recording: Recording, axis: int, lags_s: Sequence[float], delays_s: Sequence[float]) -> Array:
