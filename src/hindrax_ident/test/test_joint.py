@@ -135,6 +135,20 @@ def test_a_thrust_that_no_thruster_gives_so_late_identifies_nothing(fit: JointFi
     assert Code.SLOW_THRUST not in codes, "one whose lag the vehicle file has"
 
 
+def test_thrusters_whose_moments_are_unknown_push_with_unknown_forces_too(fit: JointFit) -> None:
+    """One of four wired backwards: surge was identified with k_q 25 +- 12 for 80, while yaw was not."""
+    sizes = array(0.3 * fit.scales.pull[list(fit.axes)])
+    sizes[fit.axes.index(5)] = 0.7 * fit.scales.pull[5]
+    unknown = joint_results(dataclasses.replace(fit, force_sigma=sizes), VEHICLE)
+    reasons = {
+        name: [one for one in motion.reasons if one.code is Code.UNKNOWN_FORCES]
+        for name, motion in unknown.motions.items()
+    }
+    assert {name for name, found in reasons.items() if found} == {"surge", "sway", "yaw"}
+    assert "of the largest thrust in yaw: check the direction of each thruster" in reasons["surge"][0]
+    assert "of the largest thrust: check the direction" in reasons["yaw"][0]
+
+
 def test_results_have_the_matrix_a_budget_and_verdicts(fit: JointFit) -> None:
     found = joint_results(fit, VEHICLE)
     document = found.to_json()

@@ -70,7 +70,8 @@ SAID = {
     objection(
         Code.FEW_FREQUENCIES, found=2.1, wanted=3.0
     ): "its thrust has 2.1 frequencies, wanted 3: fly steps, or a chirp",
-    objection(Code.UNKNOWN_FORCES): "forces that the model lacks are larger than half of the largest thrust",
+    objection(Code.UNKNOWN_FORCES, where=" in yaw"): "forces that the model lacks are larger than half of the largest "
+    "thrust in yaw: check the direction of each thruster, and the vehicle file",
     objection(Code.AGAINST_THRUST): "it moves against its thrust: check the sign of the wrench, and the axes of both",
     objection(Code.BRAKED_BY_THRUST): "its thrust brakes the motion, as of a controller that holds it: other forces "
     "move it; push on it on purpose, or check the sign of the wrench",

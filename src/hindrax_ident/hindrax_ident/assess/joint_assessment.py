@@ -16,7 +16,7 @@ from hindrax_ident.assess.objections import Code, Objection, objection, to_json
 from hindrax_ident.assess.results import Contribution, DragBand, Number
 from hindrax_ident.fit.joint import JointFit
 from hindrax_ident.fit.joint_problem import LAG
-from hindrax_ident.model.motion_model import Motion, motions_of, rigid_mass
+from hindrax_ident.model.motion_model import HORIZONTAL, Motion, motions_of, rigid_mass
 from hindrax_ident.model.six_axes import CROSS, symmetric
 from hindrax_ident.remedies import FLY_TWICE
 
@@ -27,6 +27,7 @@ MOST_SIGMA = 0.35
 SLOWEST_S, MOST_LATER_S = 0.45, 0.3
 """Lag of a thrust beyond which it is none of a thruster, and how much more than known it may be: of the record of a
 pilot that a filter of 1 s had smoothed it was 0.56 s, with masses wrong by 3 to 6 deviations, all identified [s]."""
+YAW = 5
 MOST_UNKNOWN = 0.5
 """Unknown force, of the largest thrust, above which the model is not that of the vehicle [-]."""
 
@@ -169,8 +170,11 @@ def _motion(fit: JointFit, motion: Motion, vehicle: Vehicle, numbers: Mapping[st
     most_s = max(SLOWEST_S, lag.mean + MOST_LATER_S)
     if fit.theta[LAG] > most_s:
         reasons.append(objection(Code.SLOW_THRUST, lag_s=float(fit.theta[LAG]), wanted_s=most_s))
-    if fit.force_sigma[fit.axes.index(axis)] > MOST_UNKNOWN * fit.scales.pull[axis]:
-        reasons.append(objection(Code.UNKNOWN_FORCES))
+    # Thrusters that push forward and aside turn as well: one that is wired backwards shows there most.
+    for other in dict.fromkeys((axis, YAW if axis in HORIZONTAL else axis)):
+        if other in fit.axes and fit.force_sigma[fit.axes.index(other)] > MOST_UNKNOWN * fit.scales.pull[other]:
+            reasons.append(objection(Code.UNKNOWN_FORCES, where="" if other == axis else f" in {AXES[other]}"))
+            break
     return JointMotion(
         {**of_motion, "b": at_rest},
         DragBand(array(speed), array(force), array(std), array(calibrated)),

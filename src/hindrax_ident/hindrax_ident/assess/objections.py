@@ -129,7 +129,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.FEW_FREQUENCIES: "its thrust has {found:.1f} frequencies, wanted {wanted:.0f}: fly steps, or a chirp",
     Code.SLOW_THRUST: "the thrust acts {lag_s:.2g} s late in this fit, wanted {wanted_s:g} s at most: the velocities "
     "look smoothed; record them as the instrument gives them, or give the lag of the thrusters in the vehicle file",
-    Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust",
+    Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust{where}: check the "
+    "direction of each thruster, and the vehicle file",
     Code.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench, and the axes of both",
     Code.BRAKED_BY_THRUST: "its thrust brakes the motion, as of a controller that holds it: other forces move it; "
     "push on it on purpose, or check the sign of the wrench",
