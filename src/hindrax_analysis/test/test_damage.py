@@ -296,3 +296,14 @@ def test_depths_that_repeat_are_of_a_sensor_that_hangs() -> None:
     )
     assert np.flatnonzero(np.isnan(found.attitude[:, 2])).tolist() == list(range(301, 320))
     assert np.isfinite(found.attitude[:, :2]).all()
+
+
+def test_a_coarse_depth_repeats_by_chance() -> None:
+    """Whole millimeters with noise of two: three in a row are the same now and then, and the next ones are not."""
+    rng = np.random.default_rng(6)
+    depth = np.round(1.0 + way_of(moving()) + 0.002 * rng.standard_normal(len(T)), 3)
+    still = np.round(1.0 + 0.002 * rng.standard_normal(len(T)), 3)
+    for seen in (depth, still):
+        attitude = np.column_stack([np.zeros((len(T), 2)), seen])
+        record = replace(recorded(moving()), attitude_t=T, attitude=array(attitude))
+        assert without_damage(record).assumptions == ()

@@ -7,7 +7,7 @@ each kind is an assumption of the record, with its number and place.
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -125,8 +125,18 @@ def _repeated(values: Array) -> list[slice]:
     steps = np.linalg.norm(np.nan_to_num(np.diff(values, axis=0)), axis=1)
     if len(steps) < 2 * FEWEST_EQUAL or not steps.any():
         return []
-    repeats = (one for one in stretches_of(steps == 0.0) if one.stop - one.start >= FEWEST_REPEATS)
-    return [slice(one.start + 1, one.stop + 1) for one in repeats if _leaps(steps, one) or _breaks_off(steps, one)]
+    repeats = stretches_of(steps == 0.0)
+    least = max(FEWEST_REPEATS, _repeats_by_chance(steps, repeats))
+    long = (one for one in repeats if one.stop - one.start >= least)
+    return [slice(one.start + 1, one.stop + 1) for one in long if _leaps(steps, one) or _breaks_off(steps, one)]
+
+
+def _repeats_by_chance(steps: Array, repeats: Sequence[slice]) -> float:
+    """Number of steps of zero in a row that the resolution of the record explains, by its short stretches of them."""
+    sizes = [one.stop - one.start for one in repeats]
+    short = sum(size for size in sizes if size < FEWEST_EQUAL)
+    share = short / max(1, int(np.count_nonzero(steps)) + short)
+    return math.log(CHANCE_OF_EQUAL) / math.log(min(max(share, 1e-3), 0.9))
 
 
 def _leaps(steps: Array, stretch: slice) -> bool:
