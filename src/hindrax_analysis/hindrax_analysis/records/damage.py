@@ -17,6 +17,7 @@ from hindrax_analysis.records.recording import Recording, longest_hold_s
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, Index, array, stretches_of
 from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.records.axis_record import longest_ages_s
 from hindrax_ident.tuning import Tuning
 
 SHORTEST_STUCK_S, FEWEST_EQUAL = 0.5, 5
@@ -136,7 +137,12 @@ def _repeats_by_chance(steps: Array, repeats: Sequence[slice]) -> float:
     sizes = [one.stop - one.start for one in repeats]
     short = sum(size for size in sizes if size < FEWEST_EQUAL)
     share = short / max(1, int(np.count_nonzero(steps)) + short)
-    return math.log(CHANCE_OF_EQUAL) / math.log(min(max(share, 1e-3), 0.9))
+    return _in_a_row(min(share, 0.9))
+
+
+def _in_a_row(share: float) -> float:
+    """Number of equal values in a row that are no coincidence, where this share is equal to the one before."""
+    return math.log(CHANCE_OF_EQUAL) / math.log(max(share, 1e-3))
 
 
 def _leaps(steps: Array, stretch: slice) -> bool:
@@ -276,7 +282,7 @@ def _longest_by_chance(v: Array) -> float:
     equal = float(np.mean(v[1:][inside] == v[:-1][inside]))
     if equal >= 0.9:
         return math.inf
-    return FEWEST_EQUAL + math.log(CHANCE_OF_EQUAL) / math.log(max(equal, 1e-3))
+    return FEWEST_EQUAL + _in_a_row(equal)
 
 
 def _outliers(v: Array) -> Flags:
@@ -371,10 +377,9 @@ def _evenly(t: Array, ends: Index) -> Array:
 def _pauses(recording: Recording) -> list[str]:
     """Note on pauses of forces that come regularly otherwise."""
     known = np.isfinite(recording.wrench).any(axis=1)
-    t, pushes = recording.wrench_t[known], (np.nan_to_num(recording.wrench[known]) != 0.0).any(axis=1)
-    steps, usual_s = np.diff(t), Tuning().thrust_age_s
-    limits_s = np.where(pushes[:-1], longest_hold_s(t, usual_s), max(usual_s, longest_hold_s(t, usual_s)))
-    found = np.flatnonzero(steps > limits_s)
+    t, neutral = recording.wrench_t[known], (np.nan_to_num(recording.wrench[known]) == 0.0).all(axis=1)
+    steps = np.diff(t)
+    found = np.flatnonzero(steps > longest_ages_s(neutral[:-1], longest_hold_s(t, Tuning().thrust_age_s)))
     if not len(found):
         return []
     longest = found[int(np.argmax(steps[found]))]

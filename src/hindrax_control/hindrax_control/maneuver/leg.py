@@ -47,7 +47,7 @@ class LegController:
     """One leg from wherever the vehicle is. Time is the caller's, in seconds."""
 
     def __init__(self, leg: Leg, easing: Easing | None = None) -> None:
-        self.leg, self.seconds, self.ends = leg, leg.seconds, (leg.start, leg.end)
+        self.leg, self.seconds = leg, leg.seconds
         self._planned, self._easing = leg.level, easing or Easing()
         # Drag brakes as well, but fades with the speed: it is left out.
         self._braking = leg.boost / leg.inertia
@@ -56,11 +56,16 @@ class LegController:
         self._stretch, self._way = "boost", 1.0
         self._since_s = math.nan
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Where it begins and ends [m, rad]."""
+        return self.leg.start, self.leg.end
+
     def shorten(self, low: float, high: float) -> None:
         """Begin and end between these coordinates, unless too little of the leg were left."""
         start, end = (min(max(one, low), high) for one in self.ends)
         if (end - start) * self.leg.sign >= WORTH * abs(self.leg.end - self.leg.start):
-            self.leg, self.ends = replace(self.leg, start=start, end=end), (start, end)
+            self.leg = replace(self.leg, start=start, end=end)
 
     def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:
         """Drive on.

@@ -153,14 +153,18 @@ class SettleAtPose(Stage):
 
     def __init__(self, motion: str, station: StationKeeping, pose: Pose, *, seconds: float) -> None:
         super().__init__(motion, station, seconds, (pose.place,))
-        self._goal_m, self._pose = (pose.place.x_m, pose.place.y_m), pose
+        self._pose = pose
         self._still_since_s = 0.0
 
     def shorten(self, low_m: float, high_m: float) -> None:
         """Settle where the first leg begins now."""
         (place,) = self.ends
-        x_m = min(max(place.x_m, low_m), high_m)
-        self._goal_m, self.ends = (x_m, place.y_m), (replace(place, x_m=x_m),)
+        self.ends = (replace(place, x_m=min(max(place.x_m, low_m), high_m)),)
+
+    @property
+    def _goal_m(self) -> tuple[float, float]:
+        (place,) = self.ends
+        return place.x_m, place.y_m
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Engage every hold; the station keeps what it knows of the current."""

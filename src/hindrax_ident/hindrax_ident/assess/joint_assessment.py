@@ -12,6 +12,7 @@ from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import MASS_SHARE, SPEEDS
+from hindrax_ident.assess.axis_fit import YAW
 from hindrax_ident.assess.objections import Code, Objection, objection, to_json
 from hindrax_ident.assess.results import Contribution, DragBand, Number
 from hindrax_ident.fit.joint import JointFit
@@ -27,7 +28,6 @@ MOST_SIGMA = 0.35
 SLOWEST_S, MOST_LATER_S = 0.45, 0.3
 """Lag of a thrust beyond which it is none of a thruster, and how much more than known it may be: of the record of a
 pilot that a filter of 1 s had smoothed it was 0.56 s, with masses wrong by 3 to 6 deviations, all identified [s]."""
-YAW = 5
 MOST_UNKNOWN = 0.5
 """Unknown force, of the largest thrust, above which the model is not that of the vehicle [-]."""
 

@@ -338,8 +338,6 @@ def usable(spans: Sequence[Stretch], measured: Array, thrust: Series, tuning: Tu
 def is_fresh(measured: Array, thrust: Series, age_s: float) -> Flags:
     """Whether the thrust is known at measurements: its command is, and has been for as long as its lag matters.
 
-    A pause that begins with zero is one of thrusters at rest, and is known for longer.
-
     Parameters
     ----------
     measured : (n,) [s]
@@ -354,12 +352,30 @@ def is_fresh(measured: Array, thrust: Series, age_s: float) -> Flags:
     Flags
         (n,)
     """
-    holds_s = np.where(thrust.y == 0.0, max(age_s, NEUTRAL_S), age_s)
+    holds_s = longest_ages_s(thrust.y == 0.0, age_s)
     last = np.searchsorted(thrust.t, measured, side="right") - 1
     fresh = (last >= 0) & (measured - thrust.t[np.maximum(last, 0)] <= holds_s[np.maximum(last, 0)])
     again = np.append(-np.inf, thrust.t[1:][np.diff(thrust.t) > holds_s[:-1]])
     resumed = measured - again[np.searchsorted(again, measured, side="right") - 1]
     return np.asarray(fresh & (resumed > LAG_FORGOTTEN_S))
+
+
+def longest_ages_s(neutral: Flags, age_s: float) -> Array:
+    """For how long each thrust is known: a pause that begins with zero is one of thrusters at rest, and longer.
+
+    Parameters
+    ----------
+    neutral : (m,)
+        Whether it is zero.
+    age_s : [s]
+        Of the others.
+
+    Returns
+    -------
+    Array
+        (m,) [s].
+    """
+    return array(np.where(neutral, max(age_s, NEUTRAL_S), age_s))
 
 
 def unbroken(span: Stretch, measured: Array, gap_s: float) -> list[Stretch]:
