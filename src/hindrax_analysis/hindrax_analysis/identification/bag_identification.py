@@ -19,7 +19,7 @@ from hindrax_analysis.coefficients_file import (
     read_coefficients,
 )
 from hindrax_analysis.correction import what_was_corrected
-from hindrax_analysis.identification.verdict import REJECTED, marked, show_verdicts
+from hindrax_analysis.identification.verdict import REJECTED, marked, shared_reasons, show_verdicts
 from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.records.own_bag import (
     bag_events,
@@ -185,8 +185,8 @@ def show(
                 print_fitted(f"{where}: {', '.join(rest)}")
         for names, warning in warnings if warned else []:
             print_fitted(f"{', '.join(names)}: {warning}")
-        for one in rejected if reasoned else []:
-            print_fitted(f"{REJECTED} {one.motion}: not identifiable: {'; '.join(one.reasons)}")
+        for names, reasons in shared_reasons({one.motion: one.reasons for one in rejected}) if reasoned else []:
+            print_fitted(f"{REJECTED} {', '.join(names)}: not identifiable: {reasons}")
         show_verdicts(motions, identified.predicted, dense=line < 2)
         if known and (corrected := what_was_corrected(identified.results, remedy=not reported)):
             print_fitted(corrected)

@@ -8,9 +8,10 @@ from types import MappingProxyType
 import numpy as np
 
 from hindrax_analysis.identification.record_identification import APART_S, IdentificationTask, RecordSource
-from hindrax_analysis.identification.verdict import REJECTED
+from hindrax_analysis.identification.verdict import REJECTED, shared_reasons
 from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.records.recording import Recording, has_signal, tuned
+from hindrax_analysis.records.wrong_thrusters import wrong_thrusters
 from hindrax_analysis.terminal import print_table, print_what_fits
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped, seconds_between
@@ -20,6 +21,7 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array, largest
 from hindrax_ident.assess.joint_assessment import JointResults, joint_results
+from hindrax_ident.assess.objections import Code
 from hindrax_ident.assess.results import Results
 from hindrax_ident.fit.joint import Delays, fit_jointly
 from hindrax_ident.fit.smoothing import before_filter
@@ -74,10 +76,13 @@ def axes_at_once(recordings: Sequence[Recording]) -> float:
     return float(np.sum(total**2) / max(1e-300, float(np.sum(power**2))))
 
 
-def wants_joint_fit(sources: Sequence[RecordSource], task: IdentificationTask) -> tuple[bool, str]:
+def wants_joint_fit(
+    sources: Sequence[RecordSource], task: IdentificationTask, alone: Results | None = None
+) -> tuple[bool, str]:
     """Whether the axes of recordings are pushed at once, so that one fit of all is worth its time.
 
-    Bags of this stack have maneuvers, one axis after the other; nor is it worth it where one axis is asked for.
+    Bags of this stack have maneuvers, one axis after the other; nor is it worth it where one axis is asked for, or a
+    thruster pushes another way than the vehicle file has it.
 
     Parameters
     ----------
@@ -85,6 +90,8 @@ def wants_joint_fit(sources: Sequence[RecordSource], task: IdentificationTask) -
         Records.
     task
         What is asked for.
+    alone
+        Results of the axes, one by one.
 
     Returns
     -------
@@ -92,7 +99,8 @@ def wants_joint_fit(sources: Sequence[RecordSource], task: IdentificationTask) -
         And one sentence on how it was decided; empty where there is nothing to say.
     """
     recordings = [one.recording.between(task.span.from_s, task.span.to_s) for one in sources if one.recording]
-    if len(recordings) < len(sources) or len(task.axes) == 1:
+    reasons = [reason.code for one in alone.motions.values() for reason in one.reasons] if alone else []
+    if len(recordings) < len(sources) or len(task.axes) == 1 or Code.WRONG_THRUSTERS in reasons:
         return False, ""
     count = axes_at_once(recordings)
     if count < SEVERAL:
@@ -185,7 +193,12 @@ def identify_jointly(
         )  # fmt: skip
     except ValueError as error:
         raise UsageError(f"{sources[0].path}: {error}") from error
-    return joint_results(fit, vehicle)
+    found, miswired = joint_results(fit, vehicle), wrong_thrusters(recordings, vehicle)
+    motions = {
+        name: replace(one, reasons=(miswired[axis],)) if (axis := MOTIONS[name].axis) in miswired else one
+        for name, one in found.motions.items()
+    }
+    return replace(found, motions=motions)
 
 
 def recording_of(events: Iterable[Stamped[IdentEvent]], source: str) -> Recording:
@@ -253,9 +266,8 @@ def show_joint(joint: JointResults) -> None:
         _show_terms(joint)
         for name, number in joint.delays.items():
             print_fitted(f"{name}: {measured(number.value, number.std_calibrated)} s")
-        for name, one in joint.motions.items():
-            for reason in one.reasons:
-                print_fitted(f"{REJECTED} {name}: not identifiable: {reason}")
+        for names, reasons in shared_reasons({name: one.reasons for name, one in joint.motions.items()}):
+            print_fitted(f"{REJECTED} {', '.join(names)}: not identifiable: {reasons}")
 
     print_what_fits(in_full, partial(_show_joint_short, joint))
 

@@ -27,6 +27,7 @@ from hindrax_analysis.records.recording import (
     tuned,
 )
 from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, read_bag, topics_of
+from hindrax_analysis.records.wrong_thrusters import wrong_thrusters
 from hindrax_analysis.report.comparison import RunScatter, pool_runs
 from hindrax_analysis.report.figures import Trace
 from hindrax_bag.read.bag_reader import KINDS, VEHICLE_FILE, attached_vehicle, attachments
@@ -404,7 +405,10 @@ def _identify_recordings(
     motions: dict[str, MotionResult] = {}
     assessments: dict[int, Assessment] = {}
     traces: dict[str, Trace] = {}
-    usable_on = {axis: [one for one in recordings if not reason_to_skip(one, axis)] for axis in axes}
+    against = wrong_thrusters(recordings, vehicle)
+    usable_on = {
+        axis: [one for one in recordings if not (axis in against or reason_to_skip(one, axis))] for axis in axes
+    }
     flown = {axis: usable for axis, usable in usable_on.items() if usable}
 
     def fit_all(masses: FoundMasses) -> list[Outcome]:
@@ -425,11 +429,11 @@ def _identify_recordings(
             motions |= _plausible(found[axis], vehicle, axis, plausibility.not_driven(usable, axis), turned)
             assessments |= found[axis].assessments
         elif task.axes or any(has_signal(one, axis) for one in recordings):
-            motions |= _skipped(recordings[0], axis)
+            motions |= _skipped(recordings[0], axis, against)
     if not motions:
         # No axis was excited: report the verdict on every measured axis.
         for axis in axes:
-            motions |= _skipped(recordings[0], axis) if has_samples(recordings[0], axis) else {}
+            motions |= _skipped(recordings[0], axis, against) if has_samples(recordings[0], axis) else {}
     if not motions:
         raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
     results = Results({name: _weighed(one, vehicle, task) for name, one in motions.items()}, vehicle)
@@ -459,9 +463,9 @@ def _weighed(one: MotionResult, vehicle: Vehicle, task: IdentificationTask) -> M
     return replace(one, coefficients=kept)
 
 
-def _skipped(recording: Recording, axis: int) -> dict[str, MotionResult]:
+def _skipped(recording: Recording, axis: int, against: Mapping[int, Objection]) -> dict[str, MotionResult]:
     motion = motions_of(axis)[0]
-    return {motion.name: unidentified(motion, reason_to_skip(recording, axis))}
+    return {motion.name: unidentified(motion, against.get(axis) or reason_to_skip(recording, axis))}
 
 
 def _axis(

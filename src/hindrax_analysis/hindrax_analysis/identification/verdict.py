@@ -83,6 +83,15 @@ class NextReport:
         return [one for one in (desk or self.command,) if one]
 
 
+def shared_reasons(reasons: Mapping[str, Sequence[str]]) -> list[tuple[list[str], str]]:
+    """Reasons by motion, as one sentence each, with the names of all motions that have the same ones."""
+    names: dict[str, list[str]] = {}
+    for motion, found in reasons.items():
+        if found:
+            names.setdefault("; ".join(found), []).append(motion)
+    return [(of, sentence) for sentence, of in names.items()]
+
+
 def marked(result: MotionResult) -> str:
     """Name of a motion, with the mark of one that is not identifiable."""
     return result.motion if result.identifiable else f"{result.motion}{REJECTED}"

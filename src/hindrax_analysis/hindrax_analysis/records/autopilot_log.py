@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from hindrax_analysis.records.ardupilot_log import ArduPilotLog, Quantity, Tables, claimed, read_starts
 from hindrax_analysis.records.bag_track import tilts_of
-from hindrax_analysis.records.recording import Recording, wrenches_of_pulses
+from hindrax_analysis.records.recording import Recording, forces_of_pulses, wrenches_of_forces
 from hindrax_control.allocation.thrust_curve import SERVO_US
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -160,7 +160,7 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, of_log: Sequence[st
     t, rows = (array(np.concatenate(column)) for column in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
     tables["pulses"], pulse_note = _possible_pulses(tables["pulses"], vehicle)
-    pulses_t, wrench, supply_note = _wrenches(path, tables, vehicle)
+    pulses_t, forces, supply_note = _forces(path, tables, vehicle)
     tilts_t = [attitude_t]
     tilts = [np.column_stack([attitude[:, :2], np.full(len(attitude), np.nan)])]
     depth = _depths(tables, vehicle)
@@ -173,9 +173,9 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, of_log: Sequence[st
         tilts.append(np.column_stack([np.full((len(depths), 2), np.nan), depths]))
     tilt_order = np.argsort(np.concatenate(tilts_t), kind="stable")
     return Recording(
-        str(path), array(t[order]), array(rows[order]), pulses_t, wrench,
+        str(path), array(t[order]), array(rows[order]), pulses_t, wrenches_of_forces(forces, vehicle),
         array(np.concatenate(tilts_t)[tilt_order]), array(np.concatenate(tilts)[tilt_order]), origin,
-        tuple(one for one in (*notes, pulse_note, supply_note, *of_log) if one),
+        tuple(one for one in (*notes, pulse_note, supply_note, *of_log) if one), forces_t=pulses_t, forces=forces,
     )  # fmt: skip
 
 
@@ -263,8 +263,8 @@ def _possible_pulses(pulses: tuple[Array, Array], vehicle: Vehicle) -> tuple[tup
     return (array(t[possible]), array(rows[possible])), f"{what} that no output has: damage, left out"
 
 
-def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Array, str]:
-    """Times (n,) [s], wrenches (n, 6) [N, N m], and a note on the supply voltage."""
+def _forces(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Array, str]:
+    """Times (n,) [s], forces (n, k) [N] of the thrusters, and a note on the supply voltage."""
     t, channels = tables["pulses"]
     volts, note = np.full(len(t), vehicle.supply_V), f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
     supply_t, supply = tables.get("supply", (array(np.zeros(0)), array(np.zeros((0, 1)))))
@@ -274,5 +274,5 @@ def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Arra
         volts = np.interp(t, supply_t[connected], logged)
         note = f"thrust follows the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
     supplies_V = (STEP_V * np.round(volts / STEP_V)).tolist()
-    wrenches = wrenches_of_pulses(str(path), channels.tolist(), supplies_V, vehicle)
-    return t, wrenches, f"pulses of the outputs are converted by the vehicle file; {note}"
+    forces = forces_of_pulses(str(path), channels.tolist(), supplies_V, vehicle)
+    return t, forces, f"pulses of the outputs are converted by the vehicle file; {note}"

@@ -26,7 +26,7 @@ from hindrax_ident.tuning import Tuning, for_foreign_records
 
 FEWEST_VELOCITIES = 20
 """Fewest velocity samples of an axis."""
-NO_TIMES, NO_WAYS = array(np.zeros(0)), array(np.zeros((0, 3)))
+NO_TIMES, NO_WAYS, NO_FORCES = array(np.zeros(0)), array(np.zeros((0, 3))), array(np.zeros((0, 0)))
 DERIVED = "odometry"
 """Source of velocities that were derived from places: those give the motion along their axes (`binning.NAVIGATORS`)."""
 
@@ -57,8 +57,9 @@ class Recording:
 
     `velocity` is (n, 6) at `velocity_t` (n,), `wrench` (m, 6) at `wrench_t` (m,) and holds until its next row;
     `attitude` is (k, 3) at `attitude_t` (k,): roll, pitch, depth. `way` is (l, 3) at `way_t` (l,): distances covered
-    forward, to starboard and down, which stand for the velocities of their axes. `origin_s` is what the times count
-    from.
+    forward, to starboard and down, which stand for the velocities of their axes. `forces` is (f, k) at `forces_t` (f,):
+    those of single thrusters along their directions in the vehicle file, where the wrench follows from them.
+    `origin_s` is what the times count from.
     """
 
     source: str
@@ -72,6 +73,8 @@ class Recording:
     assumptions: tuple[str, ...] = ()
     way_t: Array = field(default_factory=lambda: NO_TIMES)
     way: Array = field(default_factory=lambda: NO_WAYS)
+    forces_t: Array = field(default_factory=lambda: NO_TIMES)
+    forces: Array = field(default_factory=lambda: NO_FORCES)
 
     @property
     def measured_t(self) -> list[Array]:
@@ -95,7 +98,9 @@ class Recording:
 
     def between(self, start_s: float, end_s: float) -> "Recording":
         """Part of a record, with the force at its start; pauses in it last LONGEST_PAUSE_S at most."""
-        v, a, p = ((t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t, self.way_t))
+        v, a, p, f = (
+            (t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t, self.way_t, self.forces_t)
+        )
         first = max(0, int(np.searchsorted(self.wrench_t, start_s, side="right")) - 1)
         w = slice(first, int(np.searchsorted(self.wrench_t, end_s, side="right")))
         part = replace(
@@ -108,6 +113,8 @@ class Recording:
             attitude=self.attitude[a],
             way_t=self.way_t[p],
             way=self.way[p],
+            forces_t=self.forces_t[f],
+            forces=self.forces[f],
         )
         return _with_short_pauses(part)
 
@@ -136,6 +143,7 @@ def _with_short_pauses(recording: Recording) -> Recording:
         wrench_t=earlier(recording.wrench_t),
         attitude_t=earlier(recording.attitude_t),
         way_t=earlier(recording.way_t),
+        forces_t=earlier(recording.forces_t),
     )
 
 
@@ -175,13 +183,15 @@ def joined(one: Recording, other: Recording) -> Recording:
         tables.append((array(t[order]), array(np.concatenate([getattr(one, name), getattr(other, name)])[order])))
     note = f"{one.source} and {other.source} count time from one origin"
     assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, note)))
-    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions, *tables[3])
+    thrusting = one if len(one.forces_t) else other
+    forces = array(thrusting.forces_t + (thrusting.origin_s - origin)), thrusting.forces
+    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions, *tables[3], *forces)
 
 
-def wrenches_of_pulses(
+def forces_of_pulses(
     source: str, channels: Sequence[Sequence[float]], supplies_V: Sequence[float], vehicle: Vehicle
 ) -> Array:
-    """Wrenches that pulses give by the thrust curves, without the lag of the thrusters.
+    """Forces that pulses give by the thrust curves, without the lag of the thrusters.
 
     Parameters
     ----------
@@ -197,7 +207,7 @@ def wrenches_of_pulses(
     Returns
     -------
     Array
-        (n, 6) [N, N m] about the center of mass, SNAME axes.
+        (n, k) [N] along the directions of the thrusters.
 
     Raises
     ------
@@ -210,7 +220,13 @@ def wrenches_of_pulses(
     except ValueError as error:
         raise UsageError(f"{source}: {error}") from error
     pairs = zip(pulses, map(applied, supplies_V), strict=True)
-    return np.array([at_supply.wrench(at_supply.forces_N(row)) for row, at_supply in pairs])
+    return np.array([at_supply.forces_N(row) for row, at_supply in pairs])
+
+
+def wrenches_of_forces(forces: Array, vehicle: Vehicle) -> Array:
+    """Wrenches (n, 6) [N, N m] about the center of mass, SNAME axes, of forces (n, k) [N] of the thrusters."""
+    wrench = AppliedWrench(vehicle).wrench
+    return np.array([wrench(row) for row in forces.tolist()])
 
 
 # ---- usable axes

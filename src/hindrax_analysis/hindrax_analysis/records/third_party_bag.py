@@ -27,8 +27,8 @@ from hindrax_analysis.records.bag_track import (
     velocities_from_poses,
     ways_from_poses,
 )
-from hindrax_analysis.records.recording import HALF_TURN, NO_TIMES, NO_WAYS, Recording
-from hindrax_analysis.records.thruster_values import PULSES, UNITS, ThrusterValues, wrenches_of_thrusters
+from hindrax_analysis.records.recording import HALF_TURN, NO_FORCES, NO_TIMES, NO_WAYS, Recording, wrenches_of_forces
+from hindrax_analysis.records.thruster_values import PULSES, UNITS, ThrusterValues, forces_of_thrusters
 from hindrax_bag.read.bag_reader import DamagedMessageError, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
@@ -228,18 +228,21 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         tilts = _tilts_of_inertial(velocity, at_v, moving * signs, signs, axes.notes)
     elif poses:
         tilts = array(np.column_stack([tilts_of(poses[1]) * [1.0, signs[1]], np.full(len(at_v), np.nan)]))
+    wrenches, forces = _forces(wrench, velocity, signs, axes, vehicle)
     return Recording(
         source=str(bag),
         velocity_t=moving_t,
         velocity=array(moving * signs),
         wrench_t=array(at_w),
-        wrench=_forces(wrench, velocity, signs, axes, vehicle)[w],
+        wrench=wrenches[w],
         attitude_t=array(at_v) if len(tilts) else NO_TIMES,
         attitude=tilts,
         origin_s=1e-9 * float(origin),
         assumptions=tuple(axes.notes),
         way_t=way_t,
         way=array(way * signs[:3]),
+        forces_t=array(at_w) if len(forces) else NO_TIMES,
+        forces=forces[w] if len(forces) else NO_FORCES,
     )
 
 
@@ -335,21 +338,24 @@ def _with_depths(record: Recording, sensor: Track, water: Water) -> Recording:
     )
 
 
-def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, vehicle: Vehicle | None) -> Array:
-    """Wrenches in SNAME axes, in the order of the bag: (n, 6) [N, N m]."""
+def _forces(
+    wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, vehicle: Vehicle | None
+) -> tuple[Array, Array]:
+    """Wrenches in SNAME axes, and forces of the thrusters if it has those: (n, 6) [N, N m], (n, k) [N], as received."""
     if wrench.values is not None:
         unit = wrench.values.unit_of(wrench.rows)
         axes.notes.append(f"{wrench.topic} holds one value per output channel: {UNITS[unit]}")
         if vehicle is None or not vehicle.thrusters:
             remedy = "name a vehicle file with thrusters and curves by --vehicle"
             raise UsageError(f"{wrench.topic}: holds values of single thrusters, wanted a wrench; {remedy}")
-        return wrenches_of_thrusters(wrench.values, wrench.rows, vehicle)
+        forces = forces_of_thrusters(wrench.values, wrench.rows, vehicle)
+        return wrenches_of_forces(forces, vehicle), forces
     if wrench.frame or axes.is_given or velocity.kind in DOPPLER_TYPES:
         signs = _signs_to_sname(wrench, axes)
     else:
         axes.notes.append(f"{wrench.topic} names no frame: it is in the axes of {velocity.topic}")
     axes.notes.append(f"{wrench.topic} is the wrench achieved by the thrusters, about the center of mass")
-    return array(np.array(wrench.rows) * signs)
+    return array(np.array(wrench.rows) * signs), NO_FORCES
 
 
 def _velocities(

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_analysis.records.recording import wrenches_of_pulses
-from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, SERVO_US, AppliedWrench, ThrustCurve, thrust_curves
+from hindrax_analysis.records.recording import forces_of_pulses
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, SERVO_US, ThrustCurve, thrust_curves
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 
 PULSES, FORCES, THROTTLES = "us", "N", "ratio"
 UNITS = {
@@ -75,10 +75,10 @@ class ThrusterValues:
         raise UsageError(f"{self.topic}: {found}; name their unit: {ways}")
 
 
-def wrenches_of_thrusters(
+def forces_of_thrusters(
     values: ThrusterValues, rows: Sequence[Sequence[float]], vehicle: Vehicle, supplies_V: Sequence[float] = ()
 ) -> Array:
-    """Wrenches of numbers per output channel.
+    """Forces of the thrusters of numbers per output channel.
 
     Parameters
     ----------
@@ -94,16 +94,14 @@ def wrenches_of_thrusters(
     Returns
     -------
     Array
-        (n, 6) [N, N m] in SNAME axes.
+        (n, k) [N] along the directions of the thrusters.
     """
     unit = values.unit_of(rows)
     if unit == FORCES:
-        forces = [_of_channels(values, row, vehicle) for row in rows]
-        wrench = AppliedWrench(vehicle).wrench
-        return np.array([wrench(row) for row in forces])
+        return array(np.array([_of_channels(values, row, vehicle) for row in rows]))
     if unit == THROTTLES:
         rows = _pulses(values, rows, vehicle)
-    return wrenches_of_pulses(values.topic, rows, supplies_V or [vehicle.supply_V] * len(rows), vehicle)
+    return forces_of_pulses(values.topic, rows, supplies_V or [vehicle.supply_V] * len(rows), vehicle)
 
 
 def _of_channels(values: ThrusterValues, row: Sequence[float], vehicle: Vehicle) -> list[float]:

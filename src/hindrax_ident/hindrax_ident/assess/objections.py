@@ -57,6 +57,7 @@ class Code(StrEnum):
     UNKNOWN_FORCES = "unknown_forces"
 
     # ---- numbers that no vehicle has
+    WRONG_THRUSTERS = "wrong_thrusters"
     AGAINST_THRUST = "against_thrust"
     BRAKED_BY_THRUST = "braked_by_thrust"
     SWAPPED_VELOCITIES = "swapped_velocities"
@@ -131,6 +132,8 @@ SENTENCES: Mapping[Code, str] = {
     "look smoothed; record them as the instrument gives them, or give the lag of the thrusters in the vehicle file",
     Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust{where}: check the "
     "direction of each thruster, and the vehicle file",
+    Code.WRONG_THRUSTERS: "{what}, against the vehicle file: the thrust then explains {after:.0%} of the changes of "
+    "{axis}, not {before:.0%}; {remedy}",
     Code.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench, and the axes of both",
     Code.BRAKED_BY_THRUST: "its thrust brakes the motion, as of a controller that holds it: other forces move it; "
     "push on it on purpose, or check the sign of the wrench",

@@ -48,7 +48,15 @@ from hindrax_analysis.records.csv.thrusters import (
     outputs_of,
     supply_column,
 )
-from hindrax_analysis.records.recording import HALF_TURN, NO_TIMES, NO_WAYS, Recording, are_parts, joined
+from hindrax_analysis.records.recording import (
+    HALF_TURN,
+    NO_TIMES,
+    NO_WAYS,
+    Recording,
+    are_parts,
+    joined,
+    wrenches_of_forces,
+)
 from hindrax_analysis.records.thruster_values import FORCES as THRUSTER_FORCES
 from hindrax_core.errors import HindraxError
 from hindrax_core.signals import NAN
@@ -60,6 +68,8 @@ MOST_LINES = 250_000
 UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 """Times above the first number are since 1970: factor and unit."""
 FORCES = "XYZKMN"
+THRUSTER = "thruster "
+"""Before the number of a column with the force of a thruster [N]."""
 AXES_OF = {"flu": "x forward, y left, z up", "fsd": "SNAME: x forward, y starboard, z down"}
 COARSE_CLOCK = "several lines share each time, as by a coarse clock: they are spread evenly"
 REAL_FORCES = "forces are those achieved by the thrusters, about the center of mass"
@@ -128,8 +138,8 @@ def read_records(
     columns["t"] = _over_midnight(columns["t"])
     forces_are = REAL_FORCES
     if outputs:
-        forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
-        columns |= zip(FORCES, forces.T, strict=True)
+        made_forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
+        columns |= made_forces
     columns, by_angles = in_radians(columns, unnamed, vehicle.inertia if vehicle else ())
     columns, by_quaternion = with_angles_of_quaternion(columns)
     columns, made, by_world = with_velocities_of_world(columns)
@@ -345,16 +355,19 @@ def _with_units(meanings: dict[int, Meaning], rows: list[Row], source: str) -> d
 
 def _forces_of_outputs(
     columns: dict[int, OutputColumn], header: list[str], rows: list[Row], source: str, vehicle: Vehicle | None
-) -> tuple[Array, str]:
-    """Wrench of each row, (n, 6) [N, N m] in SNAME axes, and what was assumed for it."""
+) -> tuple[dict[str, Array], str]:
+    """Columns (n,) of the thrusters [N] and of the wrench in SNAME axes [N, N m], and what was assumed for them."""
     numbers = {index: _values(rows, index, "", f"column {header[index]}", source) for index in columns}
     supply = supply_column(header)
     volts = array(np.full(len(rows), NAN)) if supply is None else _values(rows, supply, "", header[supply], source)
     found = outputs_of(source, columns, numbers, volts)
-    forces = found.wrenches(vehicle)
+    vehicle = found.required(vehicle)
+    forces = found.forces(vehicle)
+    made = {f"{THRUSTER}{number}": array(one) for number, one in enumerate(forces.T)}
+    made |= zip(FORCES, wrenches_of_forces(forces, vehicle).T, strict=True)
     supplied = f"at the voltage of {header[supply]}" if supply is not None else "at the supply of the vehicle file"
     how = f", {supplied}" if found.unit != THRUSTER_FORCES else ""
-    return forces, f"forces follow from {len(columns)} outputs by the thrusters of the vehicle file{how}"
+    return made, f"forces follow from {len(columns)} outputs by the thrusters of the vehicle file{how}"
 
 
 def _values(rows: list[Row], index: int, name: str, column: str, source: str) -> Array:
@@ -396,7 +409,10 @@ def _recording(source: str, columns: dict[str, Array]) -> Recording:
         table = np.stack([columns.get(name, empty) for name in names], axis=1)
         known = np.isfinite(table).any(axis=1)
         parts.append((t[known] - origin, table[known]))
-    recording = Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way)
+    table = np.stack([values for name, values in columns.items() if name.startswith(THRUSTER)] or [empty], axis=1)
+    known = np.isfinite(table).all(axis=1)
+    forces = array(t[known] - origin), table[known]
+    recording = Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way, *forces)
     return _with_rates_of_angles(recording, columns)
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hindrax_analysis.records.csv.columns import UNITS, plain_unit
-from hindrax_analysis.records.thruster_values import FORCES, PULSES, THROTTLES, ThrusterValues, wrenches_of_thrusters
+from hindrax_analysis.records.thruster_values import FORCES, PULSES, THROTTLES, ThrusterValues, forces_of_thrusters
 from hindrax_control.allocation.thrust_curve import SERVO_US
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
@@ -94,44 +94,51 @@ class Outputs:
     supply_V: Array
     """(n,); NaN: not measured."""
 
-    def wrenches(self, vehicle: Vehicle | None) -> Array:
-        """Wrench of each row.
+    @property
+    def _first(self) -> int:
+        return 0 if 0 in self.by_number else 1
 
-        Parameters
-        ----------
-        vehicle
-            Its channels, curves and arms.
-
-        Returns
-        -------
-        Array
-            (n, 6) [N, N m] about the center of mass, SNAME axes; NaN where an output has no number.
-
-        Raises
-        ------
-        UsageError
-            Without a vehicle with thrusters, without a channel of one of them, and for numbers that are of none.
-        """
+    def required(self, vehicle: Vehicle | None) -> Vehicle:
+        """The vehicle, which makes forces of these numbers; UsageError where it cannot, or not of these."""
         if self.unit == SPEEDS:
             sheet = "write thruster1_N = k n |n| of each speed n, with k of the thruster's data sheet"
             raise UsageError(f"{self.source}: holds speeds of the thrusters in rpm, wanted forces or pulses; {sheet}")
         if vehicle is None or not vehicle.thrusters:
             remedy = "name a vehicle file with thrusters and curves by --vehicle"
             raise UsageError(f"{self.source}: holds values of single thrusters, wanted a wrench; {remedy}")
-        first = 0 if 0 in self.by_number else 1
-        lacks = sorted({one.channel + first for one in vehicle.thrusters} - set(self.by_number))
+        lacks = sorted({one.channel + self._first for one in vehicle.thrusters} - set(self.by_number))
         if lacks:
             has, wants = (", ".join(map(str, sorted(some))) for some in (self.by_number, lacks))
             raise UsageError(f"{self.source}: has columns of the outputs {has}; {vehicle.name} also needs {wants}")
+        return vehicle
+
+    def forces(self, vehicle: Vehicle) -> Array:
+        """Forces of the thrusters at each row.
+
+        Parameters
+        ----------
+        vehicle
+            Its channels and curves (`required`).
+
+        Returns
+        -------
+        Array
+            (n, k) [N] along the directions of the thrusters; NaN where an output has no number.
+
+        Raises
+        ------
+        UsageError
+            For numbers that are of no output.
+        """
         # Outputs without a column are of no thruster.
         nothing = np.zeros(len(self.supply_V))
-        numbers = range(first, max(self.by_number) + 1)
+        numbers = range(self._first, max(self.by_number) + 1)
         table = np.column_stack([self.by_number.get(number, nothing) for number in numbers])
         known: Flags = np.logical_and.reduce(np.isfinite(table), axis=1)
         values = ThrusterValues(self.source, unit=self.unit, remedy=REMEDY)
-        found = np.full((len(table), 6), np.nan)
+        found = np.full((len(table), len(vehicle.thrusters)), np.nan)
         if known.any():
-            found[known] = wrenches_of_thrusters(values, table[known].tolist(), vehicle, self._supplies(known))
+            found[known] = forces_of_thrusters(values, table[known].tolist(), vehicle, self._supplies(known))
         return array(found)
 
     def _supplies(self, rows: Flags) -> list[float]:
