@@ -102,15 +102,6 @@ def test_a_wrong_curve_of_all_is_no_wrong_thruster() -> None:
     assert not wrong_thrusters([replace(made, forces=array(np.abs(made.forces) * made.forces / 10.0))], HEAVY)
 
 
-def test_a_faint_echo_of_surge_in_another_axis_is_no_motion_of_it() -> None:
-    """A heading that is off by half a degree shows a little of surge along sway, to which no thruster has pushed."""
-    made = record(wired(AS_TOLD), push=array(PUSH * [1.0, 0.0, 0.0]))
-    velocity = made.velocity.copy()
-    velocity[:, 1] = 0.01 * velocity[:, 0]
-    velocity[:, [0, 5]] = np.nan
-    assert not wrong_thrusters([replace(made, velocity=array(velocity))], HEAVY)
-
-
 def test_a_record_of_wrenches_says_nothing_of_thrusters() -> None:
     made = record(wired({0: -1.0}))
     assert not wrong_thrusters([replace(made, forces_t=array(np.zeros(0)), forces=array(np.zeros((0, 0))))], HEAVY)
