@@ -40,6 +40,10 @@ SAID = {
     objection(Code.NO_FIT): "no coefficients explain this motion by this force: check axes, signs and times of both",
     objection(Code.UNUSABLE, why="it is too short"): "it is too short",
     objection(Code.NOT_CONVERGED): "the fit did not converge",
+    objection(
+        Code.WRONG_THRUSTERS, what="T1 pushes the other way", axis="yaw", before=0.004, after=0.98, remedy="mend it"
+    ): "T1 pushes the other way, against the vehicle file: the thrust then explains 98% of the changes of yaw, not "
+    "0%; mend it",
     objection(Code.FEW_SAMPLES, found=9.94, wanted=10.0): "9.9 independent samples, wanted 10",
     objection(Code.HARDLY_MOVED, speed=0.0123, unit="m/s"): "it hardly moved: speed at most 0.012 m/s, no more than "
     "the noise of one measurement",
