@@ -107,7 +107,7 @@ def test_a_copy_of_a_session_shares_what_it_recorded_and_records_apart(vehicle: 
 def test_a_new_axis_has_nothing(vehicle: Vehicle, axis: int) -> None:
     session, _ = begun(vehicle, axis)
     record = session.record((Stretch(0.0, 1.0),), (Stretch(0.2, 0.8),), MASSES)
-    empty = (record.velocity, record.thrust, record.known, record.position, record.effort, record.inflow)
+    empty = (record.velocity, record.thrust, record.known, record.position, record.effort, record.forces)
     assert all(len(one) == 0 for one in empty)
     assert (record.coriolis.t.tolist(), record.coriolis.y.tolist()) == ([0.0], [0.0])
     assert record.coriolis_errors == ()
@@ -124,18 +124,20 @@ def test_thrust_of_its_axis_counts_with_what_each_thruster_did(vehicle: Vehicle)
     record = session.record((), (), MASSES)
     assert estimator.of("thrust") == points(record.thrust) == [(1.0, 2.0), (2.0, 3.0)]
     per_newton = np.array([unit_wrench(vehicle, one)[5] for one in vehicle.thrusters])
-    assert record.effort.t.tolist() == record.inflow.t.tolist() == [1.0, 2.0]
+    assert record.effort.t.tolist() == record.forces.t.tolist() == [1.0, 2.0]
     assert record.effort.y == pytest.approx([float(np.sum((per_newton * own) ** 2)) for own in forces])
     assert estimator.efforts == pytest.approx(record.effort.y.tolist())
+    assert record.forces.per_newton == pytest.approx(per_newton)
+    assert record.forces.y.tolist() == [list(own) for own in forces]
     inflow = [float(np.sum(per_newton**2 * np.sqrt(np.abs(own)))) for own in forces]
-    assert record.inflow.y == pytest.approx(inflow)
+    assert record.forces.inflow(record.forces.t, 0.0) == pytest.approx(inflow)
     session.thrust(3.0, Thrust((0.0,) * 6, (1.0,) * 7))
     unknown = session.record((), (), MASSES)
     assert len(unknown.thrust) == 3
     assert estimator.efforts[2] is None
     session.thrust(4.0, Thrust((1e300,) * 6, (1e300,) * 8))
     assert estimator.efforts[3] == math.inf
-    assert len(unknown.effort) == len(unknown.inflow) == 0
+    assert len(unknown.effort) == len(unknown.forces) == 0
 
 
 @pytest.mark.parametrize(

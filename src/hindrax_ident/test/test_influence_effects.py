@@ -18,7 +18,7 @@ from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import Model, model_of
 from hindrax_ident.model.simulation import Grid, Trajectory
-from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.records.axis_record import Record, Series, Stretch, ThrusterForces
 from hindrax_ident.remedies import Remedy
 from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
@@ -115,10 +115,11 @@ def test_thrust_acts_after_its_lag_and_on_velocities_that_come_late(case: AxisFi
     at = int(np.searchsorted(TIMES, 1.0))
     # From 6 N to -9 N at 0.45 s, seen at 1 s of stamps that are 0.3 s late.
     assert late.thrust[at] == pytest.approx(-9.0 + 15.0 * math.exp(-(0.7 - 0.45) / 0.2))
-    inflow = replace(
-        late, record=replace(late.record, inflow=Series(COMMANDS.t, array(np.array([1.0, 2.0, 3.0, 4.0, 5.0]))))
-    )
-    assert inflow.inflow[at] == pytest.approx(2.0 - math.exp(-(0.7 - 0.45) / 0.2))
+    inflow = replace(late, record=replace(late.record, forces=of_one([1.0, 2.0, 3.0, 4.0, 5.0])))
+    assert inflow.inflow[at] == pytest.approx(math.sqrt(2.0 - math.exp(-(0.7 - 0.45) / 0.2)))
+    # One that turns round passes zero.
+    turned = replace(late, record=replace(late.record, forces=of_one([4.0, -4.0, 0.0, 0.0, 0.0])))
+    assert turned.inflow[at] == pytest.approx(math.sqrt(abs(-4.0 + 8.0 * math.exp(-(0.7 - 0.45) / 0.2))))
     gain = row("gain of the wrench").effect(late)[at, 0]
     from_s, to_s = 0.6 - 0.45, 0.7 - 0.45
     fading = 15.0 * 0.2 * (math.exp(-from_s / 0.2) - math.exp(-to_s / 0.2))
@@ -278,10 +279,15 @@ def test_what_a_known_weight_showed_at_its_load_is_no_error_any_more(
     assert_effect(weighed, "dead bands that differ", of_commands(edges - measured * y / 10.0 * -PULL))
 
 
+def of_one(forces_N: list[float], per_newton: float = 1.0) -> ThrusterForces:
+    """Forces of a single thruster, at the times of the commands."""
+    return ThrusterForces(COMMANDS.t, array(np.array([per_newton])), array(np.array([forces_N]).T))
+
+
 def test_inflow_takes_ten_newtons_at_half_a_meter_per_second(case: AxisFit) -> None:
-    reported = array(np.array([1.0, 2.0, 0.5, 0.0, 3.0]))
-    known = replace(case, record=replace(case.record, inflow=Series(COMMANDS.t, reported)))
-    held = reported[np.searchsorted(COMMANDS.t, TIMES + 1e-9) - 1]
+    forces_N = [1.0, 4.0, -0.25, 0.0, 9.0]
+    known = replace(case, record=replace(case.record, forces=of_one(forces_N, 0.5)))
+    held = 0.25 * np.sqrt(np.abs(forces_N))[np.searchsorted(COMMANDS.t, TIMES + 1e-9) - 1]
     assert known.inflow == pytest.approx(held)
     assert_effect(known, "inflow loss", of_force(-math.sqrt(10.0) * held * V / 0.5))
 

@@ -15,7 +15,7 @@ from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of, speed_across
 from hindrax_ident.model.simulation import sensitivities
-from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.records.axis_record import Record, Series, Stretch, ThrusterForces
 from hindrax_ident.remedies import WEIGH_THRUST
 from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
@@ -143,7 +143,8 @@ def test_thrusters_that_oppose_each_other_damp_by_inflow_however_little_they_pus
         return np.abs(budget.shifts[:, at])
 
     times = flown.record.thrust.t
-    opposed = replace(flown.record, inflow=Series(times, np.full(len(times), 4.0 * 0.57**2 * 2.0**0.5)))
+    forces_N = np.full((len(times), 4), 2.0) * [1.0, 1.0, -1.0, -1.0]
+    opposed = replace(flown.record, forces=ThrusterForces(times, array(np.full(4, 0.57)), array(forces_N)))
     (_, before, *_), (k_q, k_l, *_) = shift(flown), shift(replace(flown, record=opposed))
     top = flown.speed
     assert k_l > 2.0 * before

@@ -95,9 +95,10 @@ def test_a_record_knows_what_each_thruster_did_unless_one_thrust_does_not_tell(
     record = learned(vehicle, reported(forces)).finalize().assessments[0].record
     ahead = np.array([unit_wrench(vehicle, one)[0] for one in vehicle.thrusters])
     assert record.effort.y == pytest.approx(float(np.sum((ahead * forces) ** 2)))
-    assert record.inflow.y == pytest.approx(float(np.sum(ahead**2 * np.sqrt(np.abs(forces)))))
+    inflow = record.forces.inflow(record.forces.t, record.lag_s)
+    assert inflow == pytest.approx(float(np.sum(ahead**2 * np.sqrt(np.abs(forces)))))
     unknown = learned(vehicle, reported(())).finalize().assessments[0].record
-    assert len(unknown.effort) == len(unknown.inflow) == 0
+    assert len(unknown.effort) == len(unknown.forces) == 0
 
 
 @pytest.mark.parametrize("axis", range(6), ids=NAMES)

@@ -83,9 +83,9 @@ class AxisFit:
 
         Then each thruster has its share of the thrust, and some hold the net buoyancy in every motion.
         """
-        recorded, vehicle = self.record.inflow, self.vehicle
+        recorded, vehicle = self.record.forces, self.vehicle
         if len(recorded):
-            return LaggedThrust(recorded.t, recorded.y, self.record.lag_s).force(self._thrust_s)
+            return recorded.inflow(self._thrust_s, self.record.lag_s)
         held_N = 0.0 if self.axis == HEAVE else vehicle.net_buoyancy_N
         shares = thrust_shares(vehicle, HEAVE) if vehicle.thrusters else {}
         holding = {index: share for index, (_, share) in shares.items()}

@@ -26,7 +26,15 @@ from hindrax_ident.model.motion_model import (
 )
 from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict
-from hindrax_ident.records.axis_record import Record, Series, Stretch, between_samples, series
+from hindrax_ident.records.axis_record import (
+    NO_FORCES,
+    Record,
+    Series,
+    Stretch,
+    ThrusterForces,
+    between_samples,
+    series,
+)
 from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, SONAR, WAY_S, Bin, SourceSelector, mean
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
@@ -93,17 +101,15 @@ class AxisSession:
         parts = [share * force for share, force in zip(self._per_newton, thrust.forces_N, strict=True)]
         return sum(part * part for part in parts)  # a power of a huge number raises, a product does not
 
-    def _of_forces(self) -> tuple[Series, Series]:
-        """Effort and inflow of a record, from the forces of all thrusters; empty where one thrust lacks them."""
+    def _of_forces(self) -> tuple[Series, ThrusterForces]:
+        """Effort of a record, and the forces of all thrusters; empty where one thrust lacks them."""
         efforts = [one for one in self._efforts if one is not None]
         if not efforts or len(efforts) < len(self._thrusts):
-            return series([]), series([])
-        share, forces = np.array(self._per_newton), np.array([one.forces_N for _, one in self._thrusts])
-        # Thrusters that oppose each other lose thrust too.
-        inflows = (share**2 * np.sqrt(np.abs(forces))).sum(axis=1).tolist()
-        times = [t for t, _ in self._thrusts]
-        effort, inflow = (series(list(zip(times, values, strict=True))) for values in (efforts, inflows))
-        return effort, inflow
+            return series([]), NO_FORCES
+        times, forces = [t for t, _ in self._thrusts], np.array([one.forces_N for _, one in self._thrusts])
+        order = np.argsort(times, kind="stable")
+        acting = ThrusterForces(array(np.array(times)[order]), array(np.array(self._per_newton)), array(forces[order]))
+        return series(list(zip(times, efforts, strict=True))), acting
 
     def motion(self, t_s: float, nu: Vec6, masses: Masses, measured: Vec6 | None = None) -> None:
         """Velocities of all axes from this time on: with the masses they cause forces on this one (`coriolis`).
@@ -290,12 +296,12 @@ class AxisSession:
         velocities = Samples() if self._is_derived else self._velocities.get(self._speed_source.name, Samples())
         moved_s, *sparse = np.array(self._other_velocities or [(0.0, *ZERO6)]).T
         nu = [between_samples(moved_s, one, self._tuning.gap_s) for one in sparse]
-        effort, inflow = self._of_forces()
+        effort, forces = self._of_forces()
         return Record(
             velocity=series(velocities),
             thrust=series([(t, one.wrench[self.model.axis]) for t, one in self._thrusts]),
             effort=effort,
-            inflow=inflow,
+            forces=forces,
             stretches=stretches,
             known=series(self._hydrostatics),
             others=tuple(Series(moved_s, one) for one in nu),

@@ -47,6 +47,43 @@ class Series:
         return len(self.t)
 
 
+@dataclass(frozen=True, slots=True)
+class ThrusterForces:
+    """Forces of all thrusters: times (n,) [s], wrench on the axis per newton of each (k,) [-, m], forces (n, k) [N]."""
+
+    t: Array
+    per_newton: Array
+    y: Array
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def inflow(self, at_s: Array, lag_s: float) -> Array:
+        """Thrust lost on the axis per inflow, over T_nu: sum of d^2 |T|^0.5, d the wrench per newton of a thruster.
+
+        The lag comes before the root: what turns round passes zero, where nothing is lost. With the root before the
+        lag, the inflow of a turn could not be told from its drag, and another influence took its place (ADR 31).
+
+        Parameters
+        ----------
+        at_s : (m,) [s]
+            By the stamps of the thrust.
+        lag_s
+            Of the thrusters.
+
+        Returns
+        -------
+        Array
+            (m,) [N^0.5, N^0.5 m^2].
+        """
+        lagged = (LaggedThrust(self.t, force, lag_s).force(at_s) for force in self.y.T)
+        lost = (d**2 * np.sqrt(np.abs(force)) for d, force in zip(self.per_newton, lagged, strict=True))
+        return array(sum(lost, start=np.zeros(len(at_s))))
+
+
+NO_FORCES = ThrusterForces(EMPTY, EMPTY, array(np.zeros((0, 0))))
+
+
 def series(points: list[tuple[float, float]]) -> Series:
     """Points sorted by time; of several at one time, the last."""
     if not points:
@@ -112,8 +149,8 @@ class Record:
     six axes, that of its own zero, or none; `across` is the speed that they make at the hull in the unit of the axis
     (`model.motion_model.speed_across`). `position` is the depth [m] in heave, the angle [rad] in roll and pitch, and
     the way [m] along an axis whose velocity no instrument measures; empty elsewhere. `effort` is the sum of the squared
-    contributions of all thrusters on the axis [N^2, N^2 m^2], `inflow` that of the squared wrench per newton times the
-    root of the force [N^0.5, N^0.5 m^2]; they hold like thrust, empty where unknown.
+    contributions of all thrusters on the axis [N^2, N^2 m^2], `forces` are those of single thrusters; they hold like
+    thrust, empty where unknown.
     """
 
     velocity: Series
@@ -126,7 +163,7 @@ class Record:
     coriolis_errors: tuple[Series, ...] = ()
     position: Series = Series(EMPTY, EMPTY)
     effort: Series = Series(EMPTY, EMPTY)
-    inflow: Series = Series(EMPTY, EMPTY)
+    forces: ThrusterForces = NO_FORCES
     lag_s: float = 0.0
     plateaus: tuple[Stretch, ...] = ()
     latency_s: float = 0.0
