@@ -40,7 +40,7 @@ more than 0.01. Of the same records with a wrong file, one thruster turned round
 two exchanged ones in 574 of 672 (uprights of whirls hardly turn the vehicle), and no other one ever."""
 MASSES = (0.3, 10.0)
 """Range of the total mass, in that of the body alone. Without it, a PX4 log of surge whose sway is an echo of 1 % was
-explained by two thrusters turned round (`test_identify_command.py`)."""
+explained by two thrusters turned round (`test_identify_logs.py`)."""
 ALIKE = 0.3
 """Changes whose gains differ by less cannot be told apart."""
 LEAST_CHANGE = 0.1

@@ -26,7 +26,9 @@ QUICK = (
     ("style", [sys.executable, "-m", "ruff", "check", "--quiet"]),
     ("format", [sys.executable, "-m", "ruff", "format", "--check", "--quiet"]),
     ("imports", [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()"]),
+    ("collection", [*PYTEST, "--collect-only", "-qqq"]),
 )
+"""What is checked before the tests. Collected once, they are compiled for all workers: each would do it for itself."""
 DURING_TESTS = {
     "types": [sys.executable, "-m", "mypy"],
     "site": [sys.executable, "-m", "hindrax_tools.site.build"],
@@ -56,10 +58,10 @@ def test(arguments: argparse.Namespace) -> int:
     words = arguments.arguments[1:] if arguments.arguments[:1] == ["--"] else arguments.arguments
     if words:
         return 0 if good("tests", [*PYTEST, *words], root) else 1
-    passed = [good(name, command, root) for name, command in QUICK]
     with contextlib.ExitStack() as running:
         beside = {name: _Beside(running, command, root) for name, command in DURING_TESTS.items()}
         print_fitted(f"== {' and '.join(DURING_TESTS)}: checked during the tests")
+        passed = [good(name, command, root, told=name != "collection") for name, command in QUICK]
         passed.append(good("tests", ALL, root))
         for name, one in beside.items():
             passed.append(code_of(one.process) == 0)
@@ -78,7 +80,7 @@ class _Beside:
         self.process = subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL, stdout=out, stderr=out)  # noqa: S603  # our own commands
 
 
-def good(name: str, command: list[str], root: Path) -> bool:
+def good(name: str, command: list[str], root: Path, *, told: bool = True) -> bool:
     """Run one check to its end, and print its result.
 
     Parameters
@@ -89,6 +91,8 @@ def good(name: str, command: list[str], root: Path) -> bool:
         Words of the process.
     root
         Folder in which it runs.
+    told
+        Whether its output is shown where all is good.
 
     Returns
     -------
@@ -97,7 +101,13 @@ def good(name: str, command: list[str], root: Path) -> bool:
     """
     begin = time.monotonic()
     print_fitted(f"== {name}")
-    code = code_of(subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL))  # noqa: S603  # our own commands
+    with tempfile.TemporaryFile("w+") as output:
+        out = None if told else output
+        process = subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL, stdout=out, stderr=out)  # noqa: S603  # our own commands
+        code = code_of(process)
+        if code:
+            output.seek(0)
+            print_whole(output.read(), end="")
     print_fitted(f"== {name}: {'good' if code == 0 else 'FAILED'} ({time.monotonic() - begin:.0f} s)")
     return code == 0
 
