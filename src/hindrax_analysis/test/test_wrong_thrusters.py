@@ -63,7 +63,7 @@ def record(B: Array, seed: int = 3, push: Array = PUSH) -> Recording:
     velocity[:, PLANAR] = seen
     wrench = forces @ np.array(effectiveness(HEAVY)).T
     nothing = np.zeros(0), np.zeros((0, 3))
-    return Recording("made", t, array(velocity), t, array(wrench), *nothing, forces_t=t, forces=forces)
+    return Recording("made", t, array(velocity), t, array(wrench), *nothing, forces=forces)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_a_wrong_curve_of_all_is_no_wrong_thruster() -> None:
 
 def test_a_record_of_wrenches_says_nothing_of_thrusters() -> None:
     made = record(wired({0: -1.0}))
-    assert not wrong_thrusters([replace(made, forces_t=array(np.zeros(0)), forces=array(np.zeros((0, 0))))], HEAVY)
+    assert not wrong_thrusters([replace(made, forces=array(np.zeros((0, 0))))], HEAVY)
 
 
 def test_thrusters_that_one_axis_cannot_tell_apart_are_named_together() -> None:

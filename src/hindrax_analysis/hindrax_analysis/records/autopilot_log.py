@@ -175,7 +175,7 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, of_log: Sequence[st
     return Recording(
         str(path), array(t[order]), array(rows[order]), pulses_t, wrenches_of_forces(forces, vehicle),
         array(np.concatenate(tilts_t)[tilt_order]), array(np.concatenate(tilts)[tilt_order]), origin,
-        tuple(one for one in (*notes, pulse_note, supply_note, *of_log) if one), forces_t=pulses_t, forces=forces,
+        tuple(one for one in (*notes, pulse_note, supply_note, *of_log) if one), forces=forces,
     )  # fmt: skip
 
 

@@ -57,8 +57,8 @@ class Recording:
 
     `velocity` is (n, 6) at `velocity_t` (n,), `wrench` (m, 6) at `wrench_t` (m,) and holds until its next row;
     `attitude` is (k, 3) at `attitude_t` (k,): roll, pitch, depth. `way` is (l, 3) at `way_t` (l,): distances covered
-    forward, to starboard and down, which stand for the velocities of their axes. `forces` is (f, k) at `forces_t` (f,):
-    those of single thrusters along their directions in the vehicle file, where the wrench follows from them.
+    forward, to starboard and down, which stand for the velocities of their axes. `forces` is (m, k): those of single
+    thrusters along their directions in the vehicle file, where the wrench follows from them; else it has no rows.
     `origin_s` is what the times count from.
     """
 
@@ -73,7 +73,6 @@ class Recording:
     assumptions: tuple[str, ...] = ()
     way_t: Array = field(default_factory=lambda: NO_TIMES)
     way: Array = field(default_factory=lambda: NO_WAYS)
-    forces_t: Array = field(default_factory=lambda: NO_TIMES)
     forces: Array = field(default_factory=lambda: NO_FORCES)
 
     @property
@@ -98,9 +97,7 @@ class Recording:
 
     def between(self, start_s: float, end_s: float) -> "Recording":
         """Part of a record, with the force at its start; pauses in it last LONGEST_PAUSE_S at most."""
-        v, a, p, f = (
-            (t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t, self.way_t, self.forces_t)
-        )
+        v, a, p = ((t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t, self.way_t))
         first = max(0, int(np.searchsorted(self.wrench_t, start_s, side="right")) - 1)
         w = slice(first, int(np.searchsorted(self.wrench_t, end_s, side="right")))
         part = replace(
@@ -113,8 +110,7 @@ class Recording:
             attitude=self.attitude[a],
             way_t=self.way_t[p],
             way=self.way[p],
-            forces_t=self.forces_t[f],
-            forces=self.forces[f],
+            forces=self.forces[w] if len(self.forces) else self.forces,
         )
         return _with_short_pauses(part)
 
@@ -143,7 +139,6 @@ def _with_short_pauses(recording: Recording) -> Recording:
         wrench_t=earlier(recording.wrench_t),
         attitude_t=earlier(recording.attitude_t),
         way_t=earlier(recording.way_t),
-        forces_t=earlier(recording.forces_t),
     )
 
 
@@ -183,9 +178,9 @@ def joined(one: Recording, other: Recording) -> Recording:
         tables.append((array(t[order]), array(np.concatenate([getattr(one, name), getattr(other, name)])[order])))
     note = f"{one.source} and {other.source} count time from one origin"
     assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, note)))
-    thrusting = one if len(one.forces_t) else other
-    forces = array(thrusting.forces_t + (thrusting.origin_s - origin)), thrusting.forces
-    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions, *tables[3], *forces)
+    # Of wrenches in both parts, each on other axes, none has all forces.
+    forces = NO_FORCES if len(one.wrench) and len(other.wrench) else one.forces if len(one.wrench) else other.forces
+    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions, *tables[3], forces)
 
 
 def forces_of_pulses(
@@ -381,8 +376,9 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     """
     motion = motions_of(axis)[0].name
     parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
-    forces = zip(recording.wrench_t.tolist(), recording.wrench.tolist(), strict=True)
-    parts += [(t, 0, Thrust(finite_wrench(wrench))) for t, wrench in forces if math.isfinite(wrench[axis])]
+    forces = recording.forces if len(recording.forces) else np.zeros((len(recording.wrench), 0))
+    thrusts = zip(recording.wrench_t.tolist(), recording.wrench.tolist(), forces.tolist(), strict=True)
+    parts += [(t, 0, Thrust(finite_wrench(one), tuple(each))) for t, one, each in thrusts if math.isfinite(one[axis])]
     known = np.isfinite(recording.velocity).any(axis=1)
     holds, tilt_holds, way_holds = (
         ~is_turned_over(axis, recording.attitude_t, recording.attitude, t)

@@ -241,7 +241,6 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         assumptions=tuple(axes.notes),
         way_t=way_t,
         way=array(way * signs[:3]),
-        forces_t=array(at_w) if len(forces) else NO_TIMES,
         forces=forces[w] if len(forces) else NO_FORCES,
     )
 

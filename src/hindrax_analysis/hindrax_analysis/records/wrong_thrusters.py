@@ -93,7 +93,7 @@ def wrong_thrusters(recordings: Sequence[Recording], vehicle: Vehicle) -> Mappin
     Mapping[int, Objection]
         By axis; empty where the thrusters push as they should, or the record cannot tell.
     """
-    usable = [one for one in recordings if one.forces.shape[1:] == (len(vehicle.thrusters),) and len(one.forces_t)]
+    usable = [one for one in recordings if one.forces.shape[1:] == (len(vehicle.thrusters),) and len(one.forces)]
     found = {axis: moments for axis in range(6) if (moments := _moments(usable, vehicle, axis))}
     if not found:
         return {}
@@ -208,5 +208,5 @@ def _rows(recording: Recording, axis: int) -> Array | None:
         for one, other in zip(others, pair, strict=True) if across.any() else ():
             across *= np.interp(t, recording.velocity_t[one], recording.velocity[one, other])
         terms.append(lagged(t, array(across)))
-    forces = [lagged(recording.forces_t, array(one), DELAY_S) for one in recording.forces.T]
+    forces = [lagged(recording.wrench_t, array(one), DELAY_S) for one in recording.forces.T]
     return array(np.column_stack([(v - smooth) / FILTER_S, *forces, *terms]))

@@ -50,6 +50,7 @@ from hindrax_analysis.records.csv.thrusters import (
 )
 from hindrax_analysis.records.recording import (
     HALF_TURN,
+    NO_FORCES,
     NO_TIMES,
     NO_WAYS,
     Recording,
@@ -409,10 +410,10 @@ def _recording(source: str, columns: dict[str, Array]) -> Recording:
         table = np.stack([columns.get(name, empty) for name in names], axis=1)
         known = np.isfinite(table).any(axis=1)
         parts.append((t[known] - origin, table[known]))
-    table = np.stack([values for name, values in columns.items() if name.startswith(THRUSTER)] or [empty], axis=1)
-    known = np.isfinite(table).all(axis=1)
-    forces = array(t[known] - origin), table[known]
-    recording = Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way, *forces)
+    forces = [values for name, values in columns.items() if name.startswith(THRUSTER)]
+    # The wrench is known where all of these are.
+    table = array(np.column_stack(forces)[np.isfinite(np.column_stack(forces)).all(axis=1)]) if forces else NO_FORCES
+    recording = Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way, table)
     return _with_rates_of_angles(recording, columns)
 
 
