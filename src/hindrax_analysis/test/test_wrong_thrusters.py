@@ -13,11 +13,12 @@ from hindrax_analysis.identification.record_identification import (
     identify_sources,
     open_sources,
 )
-from hindrax_analysis.records.recording import Recording
+from hindrax_analysis.records.recording import Recording, events, joined
 from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_analysis.records.wrong_thrusters import wrong_thrusters
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.effectiveness import effectiveness
+from hindrax_core.signals import Thrust
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.objections import Code
@@ -100,6 +101,27 @@ def test_a_weak_or_a_strong_thruster_is_no_wrong_one(share: float) -> None:
 def test_a_wrong_curve_of_all_is_no_wrong_thruster() -> None:
     made = record(wired(AS_TOLD))
     assert not wrong_thrusters([replace(made, forces=array(np.abs(made.forces) * made.forces / 10.0))], HEAVY)
+
+
+def test_the_fit_gets_the_force_of_each_thruster_in_a_part_of_a_record_too() -> None:
+    made = record(wired(AS_TOLD)).between(10.0, 12.0)
+    assert len(made.forces) == len(made.wrench_t)
+    pushed = [one.reading for one in events(made, 0) if isinstance(one.reading, Thrust)]
+    B = np.array(effectiveness(HEAVY))
+    assert len(pushed) == len(made.forces)
+    assert all(one.wrench == pytest.approx(B @ np.array(one.forces_N)) for one in pushed)
+
+
+def test_of_two_parts_of_a_record_that_with_the_thrusters_has_their_forces() -> None:
+    made = record(wired(AS_TOLD))
+    nothing = array(np.zeros(0)), array(np.zeros((0, 6)))
+    moved, pushed = (
+        replace(made, wrench_t=nothing[0], wrench=nothing[1], forces=array(np.zeros((0, 0)))),
+        replace(made, velocity_t=nothing[0], velocity=nothing[1]),
+    )
+    assert joined(moved, pushed).forces == pytest.approx(made.forces)
+    assert joined(pushed, moved).forces == pytest.approx(made.forces)
+    assert not len(joined(made, made).forces)
 
 
 def test_a_record_of_wrenches_says_nothing_of_thrusters() -> None:
