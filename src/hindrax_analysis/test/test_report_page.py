@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_analysis.coefficients_file import MOCK_WORLD, ResultConditions, SavedCoefficients, conditions_of
-from hindrax_analysis.identification.bag_identification import shared_warnings
+from hindrax_analysis.identification.verdict import shared
 from hindrax_analysis.published import CITATION, PUBLISHED, published_of
 from hindrax_analysis.report.chart import (
     Band,
@@ -258,8 +258,11 @@ def test_a_warning_about_many_motions_is_reported_once() -> None:
         name: replace(a_motion(name, None), warnings=warnings)
         for name, warnings in {"surge": (late, wide), "sway": (wide,), "heave": (), "yaw": (late, wide)}.items()
     }
-    assert shared_warnings(motions) == [(["surge", "yaw"], late), (["surge", "sway", "yaw"], wide)]
-    assert shared_warnings({"heave": motions["heave"]}) == []
+    assert shared({name: one.warnings for name, one in motions.items()}) == [
+        (["surge", "yaw"], late),
+        (["surge", "sway", "yaw"], wide),
+    ]
+    assert shared({"heave": motions["heave"].warnings}) == []
 
 
 def test_plateaus_are_not_shown_of_a_motion_that_rights_itself() -> None:

@@ -19,7 +19,7 @@ from hindrax_analysis.coefficients_file import (
     read_coefficients,
 )
 from hindrax_analysis.correction import what_was_corrected
-from hindrax_analysis.identification.verdict import REJECTED, marked, shared_reasons, show_verdicts
+from hindrax_analysis.identification.verdict import REJECTED, marked, shared, show_reasons, show_verdicts
 from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.records.own_bag import (
     bag_events,
@@ -164,7 +164,7 @@ def show(
         Prints what comes after it on the same screen.
     """
     motions = identified.results.motions
-    warnings = shared_warnings(motions)
+    warnings = shared({name: one.warnings for name, one in motions.items()})
     where = "in the report" if reported else "--json shows"
     count = f"warnings ({sum(len(names) for names, _ in warnings)})"
     rejected = [one for one in motions.values() if not one.identifiable]
@@ -185,8 +185,7 @@ def show(
                 print_fitted(f"{where}: {', '.join(rest)}")
         for names, warning in warnings if warned else []:
             print_fitted(f"{', '.join(names)}: {warning}")
-        for names, reasons in shared_reasons({one.motion: one.reasons for one in rejected}) if reasoned else []:
-            print_fitted(f"{REJECTED} {', '.join(names)}: not identifiable: {reasons}")
+        show_reasons({one.motion: one.reasons for one in rejected} if reasoned else {})
         show_verdicts(motions, identified.predicted, dense=line < 2)
         if known and (corrected := what_was_corrected(identified.results, remedy=not reported)):
             print_fitted(corrected)
@@ -241,15 +240,6 @@ def _show_in_full(identified: Identified) -> None:
     if rows:
         title = f"Identified coefficients, SNAME axes ({PLUS_MINUS}, calibration, water and tether included)"
         print_table(title, ("motion", "coefficient"), numbers, rows, spare=papers, grouped=True)
-
-
-def shared_warnings(motions: Mapping[str, MotionResult]) -> list[tuple[list[str], str]]:
-    """Each warning once, in the order of the motions, with the names of all motions that it is about."""
-    names: dict[str, list[str]] = {}
-    for motion, result in motions.items():
-        for warning in result.warnings:
-            names.setdefault(warning, []).append(motion)
-    return [(of, warning) for warning, of in names.items()]
 
 
 def identify_run(

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hindrax_analysis.identification.record_identification import APART_S, IdentificationTask, RecordSource
-from hindrax_analysis.identification.verdict import REJECTED, shared_reasons
+from hindrax_analysis.identification.verdict import REJECTED, show_reasons
 from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.records.recording import Recording, has_signal, tuned
 from hindrax_analysis.records.wrong_thrusters import wrong_thrusters
@@ -266,8 +266,7 @@ def show_joint(joint: JointResults) -> None:
         _show_terms(joint)
         for name, number in joint.delays.items():
             print_fitted(f"{name}: {measured(number.value, number.std_calibrated)} s")
-        for names, reasons in shared_reasons({name: one.reasons for name, one in joint.motions.items()}):
-            print_fitted(f"{REJECTED} {', '.join(names)}: not identifiable: {reasons}")
+        show_reasons({name: one.reasons for name, one in joint.motions.items()})
 
     print_what_fits(in_full, partial(_show_joint_short, joint))
 

@@ -83,13 +83,19 @@ class NextReport:
         return [one for one in (desk or self.command,) if one]
 
 
-def shared_reasons(reasons: Mapping[str, Sequence[str]]) -> list[tuple[list[str], str]]:
-    """Reasons by motion, as one sentence each, with the names of all motions that have the same ones."""
+def shared(sentences: Mapping[str, Sequence[str]]) -> list[tuple[list[str], str]]:
+    """Each sentence of all motions once, in their order, with the names of all motions that it is about."""
     names: dict[str, list[str]] = {}
-    for motion, found in reasons.items():
-        if found:
-            names.setdefault("; ".join(found), []).append(motion)
+    for motion, said in sentences.items():
+        for sentence in said:
+            names.setdefault(sentence, []).append(motion)
     return [(of, sentence) for sentence, of in names.items()]
+
+
+def show_reasons(reasons: Mapping[str, Sequence[str]]) -> None:
+    """Print why motions are not identifiable, those with the same reasons in one line."""
+    for names, why in shared({motion: ["; ".join(found)] for motion, found in reasons.items() if found}):
+        print_fitted(f"{REJECTED} {', '.join(names)}: not identifiable: {why}")
 
 
 def marked(result: MotionResult) -> str:
