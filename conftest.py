@@ -24,8 +24,9 @@ __all__ = ["ros_domain"]
 load_profile()
 
 # The graph of a shell does not decide: what it has set for other robots is not there when the client library is loaded.
+# Nor does its way of writing: without buffers, what a buffer leaves behind at the end of a process was never seen.
 # Tests join over datagrams, as the stack does: they kill processes, and whoever held a lock in shared memory keeps it.
-for name in graph_settings(os.environ):
+for name in (*graph_settings(os.environ), "PYTHONUNBUFFERED"):
     os.environ.pop(name, None)
 os.environ |= {RMW: OUR_RMW, RANGE: "SYSTEM_DEFAULT", PROFILE: str(loopback_profile())}
 

@@ -32,7 +32,7 @@ from hindrax_bringup.stack_process import LAST_WORDS, UpOptions
 from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_core.errors import INTERRUPTED, HindraxError, cause
 from hindrax_core.stack_time import STEP_S, StackTime
-from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
+from hindrax_core.text.screen_text import mute, print_fitted, print_stderr, print_whole
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ros.free_domain import only_stack
 
@@ -126,8 +126,10 @@ def _entry(options: UpOptions, folder: RunFolder, made: Mapping[str, str]) -> St
 
 
 def _send(document: Mapping[str, object]) -> None:
-    with contextlib.suppress(OSError):  # the client has died; so will this process, in order
+    try:
         print_whole(json.dumps(document))
+    except OSError:  # the client has died; so will this process, in order
+        mute(sys.stdout)
 
 
 @dataclass(slots=True)

@@ -25,6 +25,7 @@ from hindrax_core.text.screen_text import (
     as_called,
     fitted,
     fitted_description,
+    mute,
     print_fitted,
     print_stderr,
     print_whole,
@@ -128,15 +129,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         print_stderr(sentence())
         return INTERRUPTED
     except BrokenPipeError:  # the reader closed the pipe
-        _mute_stdout()
+        mute(sys.stdout)
         return 0
     except OSError as error:
         if error.errno not in NO_ROOM:
             raise
-        _mute_stdout()
+        mute(sys.stdout)
         where = error.filename or "output"
         print_stderr(f"hindrax: {where}: cannot be written ({cause(error)}); make room and run again")
         return HindraxError.exit_code
+    finally:
+        try:
+            sys.stderr.flush()
+        except OSError:  # a full disk took the last sentence; the exit code tells
+            mute(sys.stderr)
     return code
 
 
@@ -154,11 +160,6 @@ def _go_elsewhere(command: str) -> None:
     if command != "stop":
         raise UsageError("the folder of this shell was removed; cd into another one")
     os.chdir("/")
-
-
-def _mute_stdout() -> None:
-    """Have nothing flushed any more into what takes nothing."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _main(words: list[str]) -> int:

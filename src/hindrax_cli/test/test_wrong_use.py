@@ -313,7 +313,7 @@ def test_a_full_disk_wherever_a_command_writes_is_one_sentence(
         raise OSError(errno.ENOSPC, "No space left on device", "/run/user/1000/hindrax")
 
     monkeypatch.setattr(command_line, "load", full)
-    monkeypatch.setattr(command_line, "_mute_stdout", lambda: None)
+    monkeypatch.setattr(command_line, "mute", lambda _stream: None)
     assert command_line.main(["web"]) == 1
     printed_text = (
         "hindrax: /run/user/1000/hindrax: cannot be written (No space left on device); make room and run again\n"

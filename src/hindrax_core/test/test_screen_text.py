@@ -4,6 +4,7 @@ import errno
 import io
 import os
 import pty
+import subprocess
 import sys
 from pathlib import Path
 
@@ -104,3 +105,14 @@ def test_the_wheel_is_not_told_to_set_up_a_clone(monkeypatch: pytest.MonkeyPatch
     assert how_to_install("cluster") == '`./hindrax setup --all` installs it, or pip install "hindrax[cluster]"'
     monkeypatch.setattr(screen_text, "FROM_WHEEL", True)
     assert how_to_install("cluster") == 'pip install "hindrax[cluster]"'
+
+
+def test_a_muted_stream_fails_no_more_at_the_end_of_its_process() -> None:
+    """What stands in a buffer is flushed again when Python ends, which makes its exit code 120."""
+    ends = "import sys; from hindrax_core.text.screen_text import mute; print('x'); mute(sys.stdout) if {} else None"
+    with Path("/dev/full").open("w") as full:
+        codes = [
+            subprocess.run([sys.executable, "-c", ends.format(muted)], stdout=full, stderr=full, check=False).returncode
+            for muted in (True, False)
+        ]
+    assert codes == [0, 120]

@@ -162,3 +162,15 @@ def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> Non
     to = sys.stdout if stream is None else stream
     with contextlib.suppress(OSError) if to is sys.stderr else contextlib.nullcontext():
         print(as_called(text), end=end, file=to, flush=True)
+
+
+def mute(stream: TextIO) -> None:
+    """Have nothing written any more into what takes nothing.
+
+    What is left in the buffer of a stream would fail once more at the end of the process: with a traceback, and 120 for
+    its exit code.
+    """
+    with contextlib.suppress(OSError):  # a stream without a file has no end that fails
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
