@@ -110,9 +110,12 @@ def test_the_wheel_is_not_told_to_set_up_a_clone(monkeypatch: pytest.MonkeyPatch
 def test_a_muted_stream_fails_no_more_at_the_end_of_its_process() -> None:
     """What stands in a buffer is flushed again when Python ends, which makes its exit code 120."""
     ends = "import sys; from hindrax_core.text.screen_text import mute; print('x'); mute(sys.stdout) if {} else None"
+    found = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     with Path("/dev/full").open("w") as full:
         codes = [
-            subprocess.run([sys.executable, "-c", ends.format(muted)], stdout=full, stderr=full, check=False).returncode
+            subprocess.run(
+                [sys.executable, "-c", ends.format(muted)], stdout=full, stderr=full, env=found, check=False
+            ).returncode
             for muted in (True, False)
         ]
     assert codes == [0, 120]

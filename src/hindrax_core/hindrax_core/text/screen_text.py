@@ -169,6 +169,11 @@ def mute(stream: TextIO) -> None:
 
     What is left in the buffer of a stream would fail once more at the end of the process: with a traceback, and 120 for
     its exit code.
+
+    Parameters
+    ----------
+    stream
+        Stdout or stderr.
     """
     with contextlib.suppress(OSError):  # a stream without a file has no end that fails
         nowhere = os.open(os.devnull, os.O_WRONLY)
