@@ -36,7 +36,7 @@ COUPLED = (((1, 5), (2, 4)), ((0, 5), (2, 3)), ((0, 4), (1, 3)), ((4, 5), (1, 2)
 LEAST_GAIN, LEAST_EXPLAINED = 1.0, 0.5
 """By how much the logarithm of what is unexplained, summed over the axes, must fall for one change, and the share that
 the thrust then explains at least. Of 24 records of three vehicles in MuJoCo's fluid, no change to the true wiring gains
-more than 0.01. Of the same records with a wrong file, one thruster turned round is named in 173 of 192, two in all 672,
+more than 0.01. Of the same records with a wrong file, one thruster turned round is named in 174 of 192, two in all 672,
 two exchanged ones in 574 of 672 (uprights of whirls hardly turn the vehicle), and no other one ever."""
 MASSES = (0.3, 10.0)
 """Range of the total mass, in that of the body alone. Without it, a PX4 log of surge whose sway is an echo of 1 % was
@@ -126,14 +126,15 @@ def wrong_thrusters(recordings: Sequence[Recording], vehicle: Vehicle) -> Mappin
 
 def _simplest(gains: Sequence[tuple[float, _Change]]) -> list[tuple[float, _Change]]:
     """Changes without those of two thrusters that gain no more than one of the two: the other hardly pushed."""
-    alone = {one.thrusters: 0.0 for _, one in gains if len(one.thrusters) == 1}
+    alone: dict[int, float] = {}
     for gain, one in gains:
-        if one.thrusters in alone:
-            alone[one.thrusters] = max(alone[one.thrusters], gain)
+        if len(one.thrusters) == 1:
+            (i,) = one.thrusters
+            alone[i] = max(gain, alone.get(i, 0.0))
     return [
         (gain, one)
         for gain, one in gains
-        if len(one.thrusters) == 1 or gain > ALIKE + max(alone[i,] for i in one.thrusters)
+        if len(one.thrusters) == 1 or gain > ALIKE + max(alone[i] for i in one.thrusters)
     ]
 
 

@@ -410,10 +410,11 @@ def _recording(source: str, columns: dict[str, Array]) -> Recording:
         table = np.stack([columns.get(name, empty) for name in names], axis=1)
         known = np.isfinite(table).any(axis=1)
         parts.append((t[known] - origin, table[known]))
-    forces = [values for name, values in columns.items() if name.startswith(THRUSTER)]
+    of_thrusters = [values for name, values in columns.items() if name.startswith(THRUSTER)]
+    forces = array(np.column_stack(of_thrusters)) if of_thrusters else NO_FORCES
     # The wrench is known where all of these are.
-    table = array(np.column_stack(forces)[np.isfinite(np.column_stack(forces)).all(axis=1)]) if forces else NO_FORCES
-    recording = Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way, table)
+    forces = forces[np.isfinite(forces).all(axis=1)]
+    recording = Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way, forces)
     return _with_rates_of_angles(recording, columns)
 
 

@@ -203,8 +203,9 @@ def identify(arguments: argparse.Namespace) -> int:
         workers = worthwhile(workers_of(arguments), sources)
         found = identify_sources(sources, vehicle, task, print_stderr, reached, workers=workers)
         steps = (reached,) if workers.here else ()
-        chosen = (arguments.joint, "") if arguments.joint is not None else None
-        together, why = chosen or wants_joint_fit(sources, task, found.results)
+        together, why = arguments.joint, ""
+        if arguments.joint is None:
+            together, why = wants_joint_fit(sources, task, found.results)
         notes += [why] if why else []
         filters_s = filters_found(found.results) if together else {}
         notes += [FILTERED.format(longest_s=max(filters_s.values()))] if filters_s else []
