@@ -3,15 +3,19 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 
+from hindrax_analysis.identification import joint_identification
 from hindrax_analysis.identification.joint_identification import (
     SEVERAL,
     _before_filters,
     axes_at_once,
     filters_found,
+    identify_jointly,
+    mean_found,
     wants_joint_fit,
 )
 from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, Span
@@ -19,6 +23,8 @@ from hindrax_analysis.records.recording import Recording
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.joint_assessment import JointMotion, JointResults
+from hindrax_ident.assess.objections import Code, objection
 from hindrax_ident.assess.results import MotionResult, Results
 
 T = array(np.arange(0.0, 60.0, 0.05))
@@ -118,3 +124,32 @@ def test_who_flies_several_axes_gets_a_fit_of_all_with_one_sentence() -> None:
     assert wants_joint_fit([RecordSource(Path("a.csv"), pushed(legs()))], IdentificationTask()) == (False, "")
     assert wants_joint_fit([source], IdentificationTask(span=Span(1e3, 2e3))) == (False, "")
     assert wants_joint_fit([RecordSource(Path("bag"))], IdentificationTask()) == (False, "")
+
+
+MEAN = objection(Code.MEAN_VELOCITY, how="a moving mean", mean_s=1.04)
+
+
+def test_means_are_no_record_for_a_fit_of_all() -> None:
+    """Masses of a pilot's record behind a moving mean of a second were 5 to 7 deviations off, all identified."""
+    source, alone = RecordSource(Path("a.csv"), pushed(sines(3))), results(surge={}, heave_down={})
+    assert wants_joint_fit([source], IdentificationTask(), alone)[0]
+    smoothed = replace(alone.motions["surge"], warnings=(MEAN,))
+    known = replace(alone, motions={**alone.motions, "surge": smoothed})
+    wanted, why = wants_joint_fit([source], IdentificationTask(), known)
+    assert not wanted
+    assert why == "the velocities are means over time, which a fit of all axes together does not know: left out"
+    assert (mean_found(known).code, mean_found(known).numbers) == (Code.JOINT_OF_MEANS, MEAN.numbers)
+    assert not mean_found(alone)
+
+
+def test_nothing_of_means_is_identified_by_a_fit_of_all_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is wrong with a thruster is the first to be mended, and stands alone."""
+    motions = {name: JointMotion({}, mock.sentinel.drag, (), ()) for name in ("surge", "sway")}
+    found = JointResults(motions, EMPTY_ANGLES, EMPTY_ANGLES, {}, {}, converged=True)
+    wrong = objection(Code.WRONG_THRUSTERS, what="T1", after=0.9, before=0.1, axis="sway", remedy="mend it")
+    monkeypatch.setattr(joint_identification, "fit_jointly", mock.Mock())
+    monkeypatch.setattr(joint_identification, "joint_results", lambda *_: found)
+    monkeypatch.setattr(joint_identification, "wrong_thrusters", lambda *_: {1: wrong})
+    source, vehicle = RecordSource(Path("a.csv"), pushed(sines(3))), load_vehicle(default_vehicle())
+    joint = identify_jointly([source], vehicle, IdentificationTask(), against=MEAN)
+    assert {name: one.reasons for name, one in joint.motions.items()} == {"surge": (MEAN,), "sway": (wrong,)}

@@ -94,10 +94,14 @@ SAID = {
     "the record alone would make it -1.2 +- 0.8 N s/m",
     objection(Code.SMOOTHED_VELOCITY, smoothing_s=1.04): "the velocity is smoothed, as by a filter of 1 s, which was "
     "undone: record it as the instrument gives it",
+    objection(Code.MEAN_VELOCITY, how="a moving mean", mean_s=1.52): "the velocity is smoothed, as by a moving mean "
+    "over 1.5 s, which the fit knows: record it as the instrument gives it",
     objection(
         Code.PERHAPS_SMOOTHED, filter_s=0.98
     ): "the velocity looks smoothed, as by a filter of 0.98 s that cannot "
     "be undone here, which is in the uncertainty: record it as the instrument gives it",
+    objection(Code.JOINT_OF_MEANS, how="a moving mean", mean_s=0.98): "the velocity is smoothed, as by a moving mean "
+    "over 0.98 s, which the fit of all axes does not know: record it as the instrument gives it",
     objection(
         Code.SLOW_THRUST, lag_s=0.561, wanted_s=0.45
     ): "the thrust acts 0.56 s late in this fit, wanted 0.45 s at "

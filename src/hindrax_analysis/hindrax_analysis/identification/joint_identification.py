@@ -21,7 +21,7 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array, largest
 from hindrax_ident.assess.joint_assessment import JointResults, joint_results
-from hindrax_ident.assess.objections import Code
+from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objection
 from hindrax_ident.assess.results import Results
 from hindrax_ident.fit.joint import Delays, fit_jointly
 from hindrax_ident.fit.smoothing import before_filter
@@ -105,6 +105,8 @@ def wants_joint_fit(
     count = axes_at_once(recordings)
     if count < SEVERAL:
         return False, ""
+    if alone and mean_found(alone):
+        return False, "the velocities are means over time, which a fit of all axes together does not know: left out"
     return True, (
         f"the record pushes on about {count:.1f} axes at once (from {SEVERAL:g} on): all axes are fitted together too, "
         "with the forces that couple them; --no-joint leaves it out"
@@ -144,6 +146,12 @@ def filters_found(results: Results) -> dict[int, float]:
     return {axis: time_s for axis, time_s in every.items() if time_s > 0.0}
 
 
+def mean_found(results: Results) -> Objection:
+    """Say that velocities are means over time, where the fit of a single axis has found it; false elsewhere."""
+    means = (one for result in results.motions.values() for one in result.warnings if one.code is Code.MEAN_VELOCITY)
+    return next((objection(Code.JOINT_OF_MEANS, **one.numbers) for one in means), NO_OBJECTION)
+
+
 def identify_jointly(
     sources: Sequence[RecordSource],
     vehicle: Vehicle,
@@ -151,6 +159,7 @@ def identify_jointly(
     progress: Callable[[str], None] = lambda _: None,
     *,
     filters_s: Mapping[int, float] = MappingProxyType({}),
+    against: Objection = NO_OBJECTION,
 ) -> JointResults:
     """Fit all axes over one record, or over several pooled.
 
@@ -166,6 +175,8 @@ def identify_jointly(
         Called with a sentence about what begins.
     filters_s
         Time constant of the filter that has smoothed the velocities of an axis [s], which is undone (`filters_found`).
+    against
+        What makes no motion identifiable, of what the single axes have found (`mean_found`).
 
     Returns
     -------
@@ -194,10 +205,10 @@ def identify_jointly(
     except ValueError as error:
         raise UsageError(f"{sources[0].path}: {error}") from error
     found, miswired = joint_results(fit, vehicle), wrong_thrusters(recordings, vehicle)
-    motions = {
-        name: replace(one, reasons=(miswired[axis],)) if (axis := MOTIONS[name].axis) in miswired else one
-        for name, one in found.motions.items()
-    }
+    motions = dict(found.motions)
+    for name, one in found.motions.items():
+        if reason := miswired.get(MOTIONS[name].axis, against):
+            motions[name] = replace(one, reasons=(reason,))
     return replace(found, motions=motions)
 
 

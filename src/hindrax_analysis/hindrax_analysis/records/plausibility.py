@@ -24,6 +24,7 @@ SURELY = 2.0
 """Deviations by which a number is beyond its range: of a motion that hardly was, it may be any."""
 FASTEST = (10.0, 12.0)
 """Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
+SMOOTHED = (Code.SMOOTHED_VELOCITY, Code.MEAN_VELOCITY, Code.PERHAPS_SMOOTHED)
 CONTRADICTED, LEAST_OFF = 3.0, 0.005
 """Least difference of the net buoyancy that is reported: in its deviations, and as a share of the weight."""
 INERTIA_SHARE = 0.3
@@ -169,9 +170,7 @@ def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Obj
     if not reasons:
         return result
     # What the residuals of such a fit resemble is no cause.
-    warnings = tuple(
-        one for one in result.warnings if one.code not in (*CAUSES, Code.SMOOTHED_VELOCITY, Code.PERHAPS_SMOOTHED)
-    )
+    warnings = tuple(one for one in result.warnings if one.code not in (*CAUSES, *SMOOTHED))
     return replace(result, identifiable=False, reasons=(*result.reasons, *reasons), warnings=warnings)
 
 

@@ -63,6 +63,8 @@ MASS_SHARE = 0.3
 LEAST_CONTRIBUTION = 0.01
 """Contribution, relative to the largest, below which a row of a budget is left out."""
 METHOD = "output-error"
+MEANS = {1: "a moving mean", 2: "a filter forward and backward"}
+"""What leaves the sum of so many means (`Record.means`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,9 +312,14 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
 
 def _causes(assessment: Assessment) -> tuple[Objection, ...]:
     """Objections to a filter that had smoothed the velocities, or may have, and to influences that the record shows."""
-    smoothing_s, doubt_s = assessment.record.smoothing_s, assessment.record.filter_doubt_s
-    filtered = [objection(Code.SMOOTHED_VELOCITY, smoothing_s=smoothing_s)] if smoothing_s > 0.0 else []
-    filtered += [objection(Code.PERHAPS_SMOOTHED, filter_s=doubt_s)] if doubt_s > 0.0 else []
+    record = assessment.record
+    filtered = [objection(Code.SMOOTHED_VELOCITY, smoothing_s=record.smoothing_s)] if record.smoothing_s > 0.0 else []
+    filtered += [
+        objection(Code.MEAN_VELOCITY, mean_s=over_s, how=MEANS[len(record.means)]) for _, over_s in record.means[:1]
+    ]
+    filtered += (
+        [objection(Code.PERHAPS_SMOOTHED, filter_s=record.filter_doubt_s)] if record.filter_doubt_s > 0.0 else []
+    )
     return (*filtered, *assessment.budget.warnings())
 
 
@@ -515,6 +522,8 @@ def _quality(assessment: Assessment) -> dict[str, float]:
         "latency_s": assessment.record.latency_s,
     }
     filters_s = {name: getattr(assessment.record, name) for name in ("smoothing_s", "filter_doubt_s", "filter_hint_s")}
+    if means := assessment.record.means:
+        filters_s["mean_over_s" if len(means) == 1 else "flat_over_s"] = means[0][1]
     out |= {name: time_s for name, time_s in filters_s.items() if time_s > 0.0}
     current, sigma = assessment.budget.found("current")
     if math.isfinite(current):

@@ -371,15 +371,26 @@ def _tilt(case: AxisFit) -> Array:
 
 def _velocity_gain(case: AxisFit) -> Array:
     """Every measured velocity, and every distance, larger by its share."""
-    problem, path = case.fit.problem, case.fit.linear.path
-    return np.stack([path.v, path.s], axis=1)[problem.index, problem.channel][:, None]
+    path = case.fit.linear.path
+    return case.fit.problem.predicted(np.stack([path.v, path.s], axis=1))[:, None]
 
 
 def _filter(case: AxisFit) -> Array:
     """What a filter that is longer by a second, and is undone, adds to the velocities: a share of the transients."""
     problem, time_s = case.fit.problem, case.record.smoothing_s or case.record.filter_doubt_s
+    if case.record.means:
+        # A mean over T takes T^2 / 24 of the second derivative away, one that is flat a part of the fourth as T^4.
+        path, power = case.fit.linear.path, 2.0 * len(case.record.means)
+        taken = case.v[problem.index] - problem.predicted(np.stack([path.v, path.s], axis=1))
+        return np.where(problem.channel == 0, power / case.record.means[0][1] * taken, 0.0)[:, None]
     gained = (case.v - case.delayed(time_s)) / time_s
     return np.where(problem.channel == 0, gained[problem.index], 0.0)[:, None]
+
+
+def _filter_doubt(case: AxisFit) -> float:
+    """Of one that the fit knows a share, and all of one that it does not."""
+    known_s = case.record.smoothing_s + sum(over_s for _, over_s in case.record.means[:1])
+    return FILTER_SIGMA * known_s + case.record.filter_doubt_s
 
 
 def _of_ranges(sigma: float) -> Callable[[AxisFit], float]:
@@ -560,7 +571,7 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "filter of the velocity", "s", RUN,
-        lambda case: FILTER_SIGMA * case.record.smoothing_s + case.record.filter_doubt_s, _filter,
+        _filter_doubt, _filter,
         Remedy("record the velocity as the instrument gives it"), of_readings=True, considered=True,
     ),
     Influence(

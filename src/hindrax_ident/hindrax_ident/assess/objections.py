@@ -53,6 +53,7 @@ class Code(StrEnum):
     JOINT_NOT_CONVERGED = "joint_not_converged"
     JOINT_UNKNOWN_DRAG = "joint_unknown_drag"
     FEW_FREQUENCIES = "few_frequencies"
+    JOINT_OF_MEANS = "joint_of_means"
     SLOW_THRUST = "slow_thrust"
     UNKNOWN_FORCES = "unknown_forces"
 
@@ -70,6 +71,7 @@ class Code(StrEnum):
     # ---- warnings: the result holds, and this belongs to it
     AT_BOUND = "at_bound"
     SMOOTHED_VELOCITY = "smoothed_velocity"
+    MEAN_VELOCITY = "mean_velocity"
     PERHAPS_SMOOTHED = "perhaps_smoothed"
     EVIDENCE = "evidence"
     UNEXPLAINED_RESIDUALS = "unexplained_residuals"
@@ -128,6 +130,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.JOINT_NOT_CONVERGED: "the fit of all axes did not converge",
     Code.JOINT_UNKNOWN_DRAG: "the drag at the highest speed is {shown}: fly it faster or for longer",
     Code.FEW_FREQUENCIES: "its thrust has {found:.1f} frequencies, wanted {wanted:.0f}: fly steps, or a chirp",
+    Code.JOINT_OF_MEANS: "the velocity is smoothed, as by {how} over {mean_s:.2g} s, which the fit of all axes "
+    "does not know: record it as the instrument gives it",
     Code.SLOW_THRUST: "the thrust acts {lag_s:.2g} s late in this fit, wanted {wanted_s:g} s at most: the velocities "
     "look smoothed; record them as the instrument gives them, or give the lag of the thrusters in the vehicle file",
     Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust{where}: check the "
@@ -147,6 +151,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.AT_BOUND: "{name} is at its bound, {bound:g} {unit}: the record alone would make it {shown} {unit}",
     Code.SMOOTHED_VELOCITY: "the velocity is smoothed, as by a filter of {smoothing_s:.2g} s, which was undone: record "
     "it as the instrument gives it",
+    Code.MEAN_VELOCITY: "the velocity is smoothed, as by {how} over {mean_s:.2g} s, which the fit knows: record it as "
+    "the instrument gives it",
     Code.PERHAPS_SMOOTHED: "the velocity looks smoothed, as by a filter of {filter_s:.2g} s that cannot be undone "
     "here, which is in the uncertainty: record it as the instrument gives it",
     Code.EVIDENCE: "evidence of {influence} ({shown} {unit}): {remedy}",

@@ -103,14 +103,15 @@ def predict(model: Model, theta: Array, record: Record) -> Prediction:
         path = _moved(model, theta, problem, _beginnings(model, theta, problem, path))
     counts = problem.channel == problem.main
     at, t = problem.index[counts], problem.t[counts]
+    predicted = problem.predicted(np.stack([path.v, path.s], axis=1))[counts]
     window = np.cumsum(problem.grid.starts)[at] - 1
     first = np.flatnonzero(problem.grid.starts)[window]
     v0, unit = path.v[first], ("rad" if model.axis >= 3 else "m")
     if problem.main:
         still = path.s[first]
-        steady, predicted = still + v0 * (t - problem.grid.times_s[first]), path.s[at]
+        steady = still + v0 * (t - problem.grid.times_s[first])
     else:
-        still, steady, predicted, unit = np.zeros(len(t)), v0, path.v[at], f"{unit}/s"
+        still, steady, unit = np.zeros(len(t)), v0, f"{unit}/s"
     return Prediction(model.axis, unit, t, problem.y[counts], predicted, still, steady, window)
 
 
@@ -212,12 +213,11 @@ def _moved(model: Model, theta: Array, problem: OutputErrorProblem, start: Traje
 
 def _beginnings(model: Model, theta: Array, problem: OutputErrorProblem, path: Trajectory) -> Trajectory:
     """The path with the initial velocity and position of each window that fit its first second best."""
-    by_start = sensitivities(model, theta, problem.grid, path)[:, :, -2:]
-    simulated = np.stack([path.v, path.s], axis=1)
+    by_start = problem.predicted(sensitivities(model, theta, problem.grid, path)[:, :, -2:])
+    left = problem.y - problem.predicted(np.stack([path.v, path.s], axis=1))
     v, s = path.v.copy(), path.s.copy()
     for first, span in zip(np.flatnonzero(problem.grid.starts).tolist(), problem.spans, strict=True):
         early = problem.t[span] <= problem.t[span][0] + START_S
-        at, channel = problem.index[span][early], problem.channel[span][early]
-        change, *_ = np.linalg.lstsq(by_start[at, channel], problem.y[span][early] - simulated[at, channel])
+        change, *_ = np.linalg.lstsq(by_start[span][early], left[span][early])
         v[first], s[first] = v[first] + change[0], s[first] + change[1]
     return Trajectory(v, s)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_ident.arrays import Array, Flags, Index, array
+from hindrax_ident.fit.mean_velocities import MeanVelocities, mean_velocities
 from hindrax_ident.fit.whitening import ErrorDynamics, Noise, Whitener
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, Trajectory, per_step, sensitivities, trajectory
@@ -34,7 +35,8 @@ class OutputErrorProblem:
 
     `index`: index on the grid; `channel`: 0 for a velocity, 1 for a position; `counts`: false for outliers; `spans`:
     measurements of each stretch; `guess`: initial guess of the motion; `lag_s`: lag of the thrust; `efforts`: integral
-    of its squares up to each measurement.
+    of its squares up to each measurement; `means`: shares of means over time of which velocities
+    are the sum; empty: they are those of the moment.
     """
 
     model: Model
@@ -48,6 +50,14 @@ class OutputErrorProblem:
     guess: Trajectory
     lag_s: float
     efforts: Array
+    means: tuple[tuple[float, MeanVelocities], ...] = ()
+
+    def predicted(self, states: Array) -> Array:
+        """What is measured of velocity and position on the grid, or of their derivatives, (grid, 2, ...): (n, ...)."""
+        out = states[self.index, self.channel]
+        if self.means:
+            out[self.channel == 0] = sum(share * means.of(states) for share, means in self.means)
+        return array(out)
 
     @property
     def samples(self) -> int:
@@ -91,6 +101,8 @@ def build_problem(model: Model, record: Record) -> OutputErrorProblem:
     chains = [_interleaved(v, s, grid, int(at)) for (v, s), grid, at in zip(cut, grids, offsets, strict=False)]
     t, y, index, channel = (np.concatenate(parts) for parts in zip(*chains, strict=True))
     edges = np.cumsum([0, *(len(v) + len(s) for v, s in cut)]).tolist()
+    of = np.repeat(np.arange(len(cut)), np.diff(edges))[channel == 0]
+    bounds = np.stack([offsets[of], offsets[of + 1] - 1])
     return OutputErrorProblem(
         model=model,
         grid=Grid(
@@ -105,6 +117,7 @@ def build_problem(model: Model, record: Record) -> OutputErrorProblem:
         guess=_initial_guess(cut, grids),
         lag_s=record.lag_s,
         efforts=record.efforts(t),
+        means=tuple((share, mean_velocities(t[channel == 0], times, bounds, over_s)) for share, over_s in record.means),
     )
 
 
@@ -224,7 +237,7 @@ def linearize(
         return None
     S = sensitivities(problem.model, theta, problem.grid, moved, impulses, refinements=refinements)
     # Of velocity and position at every point, those that were measured.
-    S = S[problem.index, problem.channel]
+    S = problem.predicted(S)
     raw = _residuals(problem, moved)
     p = len(theta)
     extra = np.zeros((len(raw), 0)) if readings is None else readings
@@ -237,8 +250,7 @@ def linearize(
 
 def _residuals(problem: OutputErrorProblem, path: Trajectory) -> Array:
     """Measurements minus what a motion predicts of them: (n,) [m/s or rad/s; m or rad]."""
-    predicted = np.stack([path.v, path.s], axis=1)[problem.index, problem.channel]
-    return problem.y - predicted
+    return problem.y - problem.predicted(np.stack([path.v, path.s], axis=1))
 
 
 def mean_error(problem: OutputErrorProblem, residuals: Array) -> float:

@@ -1,12 +1,15 @@
-"""Velocities that an estimator has smoothed: the time constant of its filter, and the record without it.
+"""Velocities that somebody has smoothed: by how much, and a fit that knows it.
 
 A filter of a second is no lag of the thrust: drag is not linear, so a fit that knows lags alone makes mass of it, six
-times the true one, and of its residuals an inflow loss that is none. What a first-order filter did is undone exactly,
-v = y + T y', at the price of noise. Which T is told by the fit of what is then left: its motion, smoothed again, is
-nearer to the record than without any filter. A thrust lag leaves no such gain.
+times the true one, and of its residuals an inflow loss that is none. Three kinds stand for all. What a first-order
+filter did, as that of an estimator, is undone exactly, v = y + T y', at the price of noise. What a moving average
+leaves, or a filter forward and backward, is computed from the motion of the fit (`mean_velocities`); with a latency it
+is one of the past. Which kind and how long is told by the fit of what was before: its motion, smoothed again, is nearer
+to the record than without any. A thrust lag leaves no such gain.
 """
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,105 +23,33 @@ from hindrax_ident.model.motion_model import Model
 from hindrax_ident.records.axis_record import Record, Series
 
 SUSPECT_LAG_S = 0.2
-"""Fitted lag from which a filter is looked for: most thrusters have less."""
-TRIED_S = (0.3, 0.45, 0.68, 1.0, 1.5, 2.3, 3.4)
-"""Time constants that are tried, each 1.5 of the one before, for an error of one by a third is clearly seen."""
+"""Fitted lag from which smoothing is looked for: most thrusters have less."""
+EARLY_S = -0.02
+"""Time by which a motion comes before its command, from which it is looked for: what is to come is in a mean."""
 NEARER = 0.8
 """Error of the motion with a filter, in that without, up to which there is one: of nine records with one of 0.5 to 2 s
 it was 0.13 to 0.77, of thrust that ramps 0.75 and more, of other records 0.95 and more."""
 HINT = 0.95
 """The same up to which there is one where another axis has one: no more than what roll and pitch have without any."""
-FAR = 1.5
-"""Error from which longer filters are no longer tried."""
+FAR = 1.3
+"""Error, in the least so far, from which longer ones are no longer tried."""
 CLOSE, MOST_CLOSER = 0.03, 6
 """Share of the time constant to which the best is searched, and fits for it at most."""
-
-
-class _Tried(NamedTuple):
-    """A filter, the parameters (p,) without it, and the error of their motion once the filter has smoothed it again."""
-
-    time_s: float
-    theta: Array
-    error: float
-
-
-def with_smoothing(
-    record: Record, fit: OutputErrorFit, model: Model, prior: Prior, sigma_s: float
-) -> tuple[Record, OutputErrorFit]:
-    """Undo the filter that has smoothed the velocities, where the record shows one.
-
-    Parameters
-    ----------
-    record
-        Of one axis, with the delays of the fit.
-    fit
-        Without any filter.
-    model, prior
-        Of the axis.
-    sigma_s : [s]
-        Prior standard deviation of lag and latency.
-
-    Returns
-    -------
-    tuple[Record, OutputErrorFit]
-        The record without its filter (`smoothing_s`) and its fit; both as they were where there is none. But for the
-        doubt (`filter_doubt_s`) where the record has one, and without it the body could not be, and for the hint
-        (`filter_hint_s`) of one that explains little.
-    """
-    if record.lag_s < SUSPECT_LAG_S or fit.problem.main != 0:
-        return record, fit
-
-    def tried(time_s: float, theta: Array) -> _Tried | None:
-        """Rough fit without a filter of this time constant; None where no motion follows."""
-        without = unsmoothed(record, time_s)
-        try:
-            delays = search_delay(model, without, theta, prior, sigma_s)
-            late = replace(without, lag_s=delays.lag_s, latency_s=delays.latency_s)
-            fitted = refine(model, late, delays.theta, prior, rough=True)
-        except ValueError:
-            return None
-        return _Tried(time_s, fitted.theta, _error(record, fitted, time_s))
-
-    none = _Tried(0.0, fit.theta, _error(record, fit, 0.0))
-    all_tried = [none]
-    for time_s in TRIED_S:
-        one = tried(time_s, all_tried[-1].theta)
-        if one is None or one.error > FAR * none.error:
-            break
-        all_tried.append(one)
-    best = min(all_tried, key=lambda one: one.error)
-    if best.error > NEARER * none.error:
-        return (replace(record, filter_hint_s=best.time_s), fit) if best.error < HINT * none.error else (record, fit)
-    at = all_tried.index(best)
-    low, high = (math.log(all_tried[max(1, min(i, len(all_tried) - 1))].time_s) for i in (at - 1, at + 1))
-
-    def error(logarithm: float) -> float:
-        """Error of one more, which is kept; that of no filter where no motion follows."""
-        one = tried(math.exp(logarithm), best.theta)
-        all_tried.extend([one] if one else [])
-        return one.error if one else none.error
-
-    if low < high:
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415  # slow, and only records of other stacks need it
-
-        minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": CLOSE, "maxiter": MOST_CLOSER})
-    best = min(all_tried, key=lambda one: one.error)
-    # Thrust that ramps looks like a filter, and without it moves a body that is too light, and before its command.
-    # Where the velocities of other axes were smoothed as well, their forces act late, with the same signs. One axis
-    # alone does not tell which.
-    in_doubt = replace(record, filter_doubt_s=best.time_s), fit
-    try:
-        found, better = fit_with_delays(unsmoothed(record, best.time_s), best.theta, model, prior, sigma_s)
-    except ValueError:
-        return in_doubt
-    nearer = _error(record, better, best.time_s) <= NEARER * none.error
-    possible = better.theta[-1] >= model.rigid and found.latency_s >= 0.0
-    return (found, better) if nearer and possible else in_doubt
 
 
 def unsmoothed(record: Record, time_s: float) -> Record:
     """Record before a first-order filter of its velocities."""
     return replace(record, velocity=before_filter(record.velocity, time_s), smoothing_s=time_s)
+
+
+def averaged(record: Record, time_s: float) -> Record:
+    """Record whose velocities are means over time."""
+    return replace(record, means=((1.0, time_s),))
+
+
+def flattened(record: Record, time_s: float) -> Record:
+    """Record whose velocities are what a flat passband leaves, forward and backward: a parabola stays one."""
+    return replace(record, means=((4.0 / 3.0, time_s), (-1.0 / 3.0, 2.0 * time_s)))
 
 
 def before_filter(samples: Series, time_s: float) -> Series:
@@ -128,8 +59,8 @@ def before_filter(samples: Series, time_s: float) -> Series:
     return Series(t, array(np.concatenate([y[:1], (y[1:] - kept * y[:-1]) / (1.0 - kept)])))
 
 
-def _error(record: Record, fit: OutputErrorFit, time_s: float) -> float:
-    """Root mean square of the velocities of a record less those of a fit behind a filter [m/s, rad/s]."""
+def _behind_filter(record: Record, fit: OutputErrorFit, time_s: float) -> float:
+    """Root mean square of the velocities of a record less those of a fit behind a first-order filter [m/s, rad/s]."""
     problem = fit.problem
     measured = np.flatnonzero(problem.channel == 0)
     t, v = problem.t[measured], fit.linear.path.v[problem.index[measured]]
@@ -143,3 +74,143 @@ def _error(record: Record, fit: OutputErrorFit, time_s: float) -> float:
             out.append(first if start else now + (out[-1] - now) * share)
         v = np.array(out)
     return float(np.sqrt(np.mean((y - v) ** 2)))
+
+
+def _as_means(_record: Record, fit: OutputErrorFit, _time_s: float) -> float:
+    """The same of a fit whose predictions are means."""
+    problem, path = fit.problem, fit.linear.path
+    left = problem.y - problem.predicted(np.stack([path.v, path.s], axis=1))
+    return float(np.sqrt(np.mean(left[problem.channel == 0] ** 2)))
+
+
+class _Kind(NamedTuple):
+    """A kind of smoothing: the record of what was before it, and the error [m/s, rad/s] of a fit of that one behind it.
+
+    `spread`: its time, in time constants of the first-order filter that spreads as much (root of the second moment).
+    """
+
+    tried_s: tuple[float, ...]
+    spread: float
+    without: Callable[[Record, float], Record]
+    error: Callable[[Record, OutputErrorFit, float], float]
+
+
+FILTER = _Kind((0.3, 0.45, 0.68, 1.0, 1.5, 2.3, 3.4), 1.0, unsmoothed, _behind_filter)
+MEAN = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), averaged, _as_means)
+FLAT = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), flattened, _as_means)
+"""Each time is 1.5 of the one before, for an error of one by a third is clearly seen."""
+
+
+class _Tried(NamedTuple):
+    """A smoothing, the parameters (p,) of what was before it, and the error of their motion behind it."""
+
+    time_s: float
+    theta: Array
+    error: float
+
+
+def with_smoothing(
+    record: Record, fit: OutputErrorFit, model: Model, prior: Prior, sigma_s: float
+) -> tuple[Record, OutputErrorFit]:
+    """Let the fit know what has smoothed the velocities, where the record shows it.
+
+    Parameters
+    ----------
+    record
+        Of one axis, with the delays of the fit.
+    fit
+        Without any smoothing.
+    model, prior
+        Of the axis.
+    sigma_s : [s]
+        Prior standard deviation of lag and latency.
+
+    Returns
+    -------
+    tuple[Record, OutputErrorFit]
+        The record without its filter (`smoothing_s`), or of means (`means`), and its fit; both as they were where
+        there is none. But for the doubt (`filter_doubt_s`) where the record has one, and without it the body could not
+        be, and for the hint (`filter_hint_s`) of a filter that explains little.
+    """
+    suspect = record.lag_s >= SUSPECT_LAG_S or record.lag_s + record.latency_s < EARLY_S
+    if not suspect or fit.problem.main != 0:
+        return record, fit
+    search = _Search(record, fit, model, prior, sigma_s)
+    found = {kind: search.coarse(kind) for kind in (FILTER, MEAN)}
+    none = found[MEAN][0]
+    if (
+        search.best(found[MEAN]).error < HINT * none.error
+    ):  # the last two are alike: where one is far off, so is the other
+        found[FLAT] = search.coarse(FLAT)
+    kind = min(found, key=lambda one: search.best(found[one]).error)
+    best = search.best(found[kind])
+    if best.error > NEARER * none.error:
+        hint = search.best(found[FILTER])
+        likely = hint.error < HINT * none.error
+        return (replace(record, filter_hint_s=hint.time_s), fit) if likely else (record, fit)
+    best = search.fine(kind, found[kind])
+    # Thrust that ramps looks like a filter, and without it moves a body that is too light, and before its command.
+    # Where the velocities of other axes were smoothed as well, their forces act late, with the same signs. One axis
+    # alone does not tell which.
+    in_doubt = replace(record, filter_doubt_s=best.time_s / kind.spread), fit
+    try:
+        known, better = fit_with_delays(kind.without(record, best.time_s), best.theta, model, prior, sigma_s)
+    except ValueError:
+        return in_doubt
+    # A mean hides what tells lag from latency: only both together may not be before the command.
+    early_s = known.latency_s if kind is FILTER else known.lag_s + known.latency_s - EARLY_S
+    nearer = kind.error(record, better, best.time_s) <= NEARER * none.error
+    return (known, better) if nearer and better.theta[-1] >= model.rigid and early_s >= 0.0 else in_doubt
+
+
+class _Search:
+    """Rough fits of what was before smoothing of a kind, for several times."""
+
+    def __init__(self, record: Record, fit: OutputErrorFit, model: Model, prior: Prior, sigma_s: float) -> None:
+        self._record, self._model, self._prior, self._sigma_s = record, model, prior, sigma_s
+        self._none = _Tried(0.0, fit.theta, _behind_filter(record, fit, 0.0))
+
+    @staticmethod
+    def best(tried: Sequence[_Tried]) -> _Tried:
+        """The one that is nearest to the record."""
+        return min(tried, key=lambda one: one.error)
+
+    def coarse(self, kind: _Kind) -> list[_Tried]:
+        """No smoothing, and then of one time after the other, as long as the motion is not far off."""
+        tried = [self._none]
+        for time_s in kind.tried_s:
+            one = self._at(kind, time_s, tried[-1].theta)
+            if one is None or one.error > FAR * self.best(tried).error:
+                break
+            tried.append(one)
+        return tried
+
+    def fine(self, kind: _Kind, coarse: Sequence[_Tried]) -> _Tried:
+        """The best between the neighbors of the best."""
+        best, tried = self.best(coarse), list(coarse)
+        at = tried.index(best)
+        low, high = (math.log(tried[max(1, min(i, len(tried) - 1))].time_s) for i in (at - 1, at + 1))
+
+        def error(logarithm: float) -> float:
+            """Error of one more, which is kept; that of no smoothing where no motion follows."""
+            one = self._at(kind, math.exp(logarithm), best.theta)
+            tried.extend([one] if one else [])
+            return one.error if one else self._none.error
+
+        if low < high:
+            from scipy.optimize import minimize_scalar  # noqa: PLC0415  # slow, and only records of other stacks need it
+
+            ends = (low, high)
+            minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": CLOSE, "maxiter": MOST_CLOSER})
+        return self.best(tried)
+
+    def _at(self, kind: _Kind, time_s: float, theta: Array) -> _Tried | None:
+        """Rough fit for one time; None where no motion follows."""
+        without = kind.without(self._record, time_s)
+        try:
+            delays = search_delay(self._model, without, theta, self._prior, self._sigma_s)
+            late = replace(without, lag_s=delays.lag_s, latency_s=delays.latency_s)
+            fitted = refine(self._model, late, delays.theta, self._prior, rough=True)
+        except ValueError:
+            return None
+        return _Tried(time_s, fitted.theta, kind.error(self._record, fitted, time_s))

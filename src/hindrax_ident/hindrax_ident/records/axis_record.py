@@ -176,6 +176,9 @@ class Record:
     """That of a filter that seems to have smoothed them, and cannot be undone; 0: none."""
     filter_hint_s: float = 0.0
     """That of one that is no more than possible: it counts where another axis has one like it; 0: none."""
+    means: tuple[tuple[float, float], ...] = ()
+    """Each velocity is a sum of means of the motion about its time: share of each, and over how long [s]; empty: it is
+    that of the moment."""
     ranged: bool = False
     """Whether the position is a range to a wall: then its scale is that of the sonar and of the wall's angle."""
     supply_measured: bool = False

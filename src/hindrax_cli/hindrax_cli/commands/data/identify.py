@@ -21,6 +21,7 @@ from hindrax_analysis.identification.executor import add_workers, workers_of
 from hindrax_analysis.identification.joint_identification import (
     filters_found,
     identify_jointly,
+    mean_found,
     show_joint,
     wants_joint_fit,
 )
@@ -209,7 +210,8 @@ def identify(arguments: argparse.Namespace) -> int:
         notes += [why] if why else []
         filters_s = filters_found(found.results) if together else {}
         notes += [FILTERED.format(longest_s=max(filters_s.values()))] if filters_s else []
-        jobs = [partial(identify_jointly, sources, vehicle, task, *steps, filters_s=filters_s)] if together else []
+        jointly = partial(identify_jointly, sources, vehicle, task, *steps, filters_s=filters_s)
+        jobs = [partial(jointly, against=mean_found(found.results))] if together else []
         try:
             joint = next(workers.run(jobs), None)
         except UsageError as error:
