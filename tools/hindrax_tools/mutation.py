@@ -31,6 +31,8 @@ ASSERTS = "strict"
 """An argument of `zip` that asserts what is so: without it nothing changes."""
 PROFILE = "mutation"
 """Settings of hypothesis."""
+WITHOUT = ("-p", "no:cacheprovider", "-p", "no:faulthandler")
+"""Plugins of pytest that serve no mutant."""
 PATIENCE = 5.0
 LEAST_PATIENCE_S = 10.0
 """Tests that take so many times longer with a mutant than without it are ended, and the mutant counts as killed."""
@@ -176,7 +178,8 @@ class MutatedModule:
         os.dup2(silence, 2)
         sys.modules[self.module] = module = importlib.util.module_from_spec(self._spec)
         exec(compile(mutated(self.source, number), self.path, "exec"), module.__dict__)  # noqa: S102  # our own code
-        words = ["-x", "-q", "-p", "no:cacheprovider", f"--hypothesis-profile={PROFILE}", *self._tests]
+        # The timer of faulthandler has no thread in a fork, and a test that fails would wait for it for ever.
+        words = ["-xq", *WITHOUT, f"--hypothesis-profile={PROFILE}", *self._tests]
         return pytest.main(words) == pytest.ExitCode.OK
 
 
