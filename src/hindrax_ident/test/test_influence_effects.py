@@ -555,6 +555,8 @@ def test_a_filter_that_was_undone_too_far_enlarges_what_changes_and_no_place(cas
     assert found.sigma(filtered) == pytest.approx(0.1)
     index, channel = np.array([0, 3, 3, 30]), np.array([0, 0, 1, 0])
     read = replace(case.fit, problem=replace(case.fit.problem, index=index, channel=channel))
+    means = replace(case, fit=read, record=replace(case.record, means=((1.0, 0.5),)))
+    assert found.sigma(means) == pytest.approx(0.025)
     apart = 0.5 * (case.v - case.delayed(2.0))
     effect = found.effect(replace(filtered, fit=read))
     assert effect[:, 0] == pytest.approx([0.0, apart[3], 0.0, apart[30]])
@@ -595,6 +597,26 @@ def test_a_swing_is_a_coast_that_becomes_fast(case: AxisFit) -> None:
     v[(times > 2.5) & (times < 2.8)] = -0.3
     swung = moved(slow.fit, array(v), array(np.zeros(121)), times, slow.fit.problem.grid.starts)
     assert _coasts(replace(slow, fit=swung))
+
+
+def test_averages_hide_drag_of_what_changes(case: AxisFit) -> None:
+    """Of an even acceleration the mean of the square is more than the square of the mean, by a^2 T^2 / 12."""
+    times = array(np.linspace(0.0, 6.0, 121))
+    v = 0.5 + 0.1 * times
+    moving = replace(case, fit=moved(case.fit, array(v), array(np.zeros(121)), times, np.arange(121) == 0))
+    found = row("averaging of the table")
+    inside = slice(15, -15)
+    hidden = -0.05 * 66.0 * 0.1**2 / 12.0
+    assert found.effect(moving)[inside, 0] == pytest.approx(hidden, rel=0.01)
+    steady = replace(case, fit=moved(case.fit, np.full(121, 0.4), array(np.zeros(121)), times, np.arange(121) == 0))
+    assert found.effect(steady) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_only_records_of_other_stacks_may_be_averages(case: AxisFit) -> None:
+    found = row("averaging of the table")
+    assert found.sigma(case) == 0.0
+    assert found.sigma(replace(case, tuning=Tuning(lag_doubt_s=0.2))) == 0.5
+    assert (found.scope, found.considered, found.near, found.loss) == (RUN, False, 1.0, False)
 
 
 def test_a_coast_is_within_one_stretch(case: AxisFit) -> None:
@@ -659,7 +681,8 @@ def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: AxisFit) 
             alone,
             loss,
         )
-    assert all(one.considered for one in INFLUENCES if one.name not in (*PRIORS, OTHER_AXES))
+    others = [one for one in INFLUENCES if one.name not in (*PRIORS, OTHER_AXES, "averaging of the table")]
+    assert all(one.considered for one in others)
     plain = {one.name for one, _ in acting(case)}
     doubts = {"dead band of the thrust", "exponent of the thrust", "friction of the tether", "stamps of the record"}
     assert row(losses).sigma(case) == PRIORS[losses][1]

@@ -21,6 +21,7 @@ from hindrax_ident.assess.axis_fit import HEAVE, SURGE, YAW, AxisFit
 from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
+from hindrax_ident.fit.mean_velocities import mean_velocities
 from hindrax_ident.model.motion_model import HORIZONTAL, INCIDENCE, areas_across
 from hindrax_ident.model.simulation import per_step
 from hindrax_ident.records.axis_record import LEAST_COUPLING, about_samples
@@ -57,6 +58,8 @@ COASTS_FROM, COAST_S = 0.5, 1.0
 """Share of the highest speed that a coast has at least once [-], and how long it lasts at least [s]."""
 MEMORY_S, WAKE_S = 1.0, 4.0
 """Time constants of fluid memory, and of the vehicle's own wake."""
+AVERAGED_S, AVERAGING = 1.0, 0.5
+"""Time over which the rows of a table may be averages [s], and how much of what that hides they may hide [-]."""
 TETHER = 0.04
 """Standard deviation of the pull or drag of a tether, as a share of the largest thrust [-]."""
 FRICTION_SPEED = 0.02
@@ -236,6 +239,20 @@ def _memory(case: AxisFit) -> Array:
     late = case.delayed(MEMORY_S)
     of_drag, of_mass = case.drag(case.v) - case.drag(late), -case.mass * (case.v - late) / MEMORY_S
     return case.of_force(np.stack([of_mass, of_drag], axis=1))
+
+
+def _averaging(case: AxisFit) -> Array:
+    """Drag that averages over a second hide, of forces and velocities: the mean of it is not that of the mean velocity.
+
+    It goes with the square of that time. Without this row it passes for an inflow loss, or for delayed flow.
+    """
+    grid = case.fit.problem.grid
+    first = np.flatnonzero(grid.starts)
+    of = np.cumsum(grid.starts) - 1
+    bounds = np.stack([first, np.append(first[1:], len(case.v)) - 1])[:, of]
+    means = mean_velocities(grid.times_s, grid.times_s, bounds, AVERAGED_S)
+    v, drag = (means.of(np.stack([x, np.cumsum(case.of_force(x)[:, 0])], axis=1)) for x in (case.v, case.drag(case.v)))
+    return case.of_force(case.drag(v) - drag)
 
 
 def _wake(case: AxisFit) -> Array:
@@ -518,6 +535,11 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "fluid memory", "-", MODEL, _always(0.06), _memory,
         Remedy("longer plateaus and slower changes of speed", condition="fluid_memory"), near=NEAR_MODEL, loss=True,
+    ),
+    Influence(
+        "averaging of the table", "of that over 1 s", RUN,
+        lambda case: 0.0 if case.tuning.lag_doubt_s is None else AVERAGING, _averaging,
+        Remedy("record forces and velocities as they are, at their own rates"),
     ),
     Influence(
         "own wake", "-", MODEL, _always(0.12), _wake,
