@@ -311,16 +311,16 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
 
 
 def _causes(assessment: Assessment) -> tuple[Objection, ...]:
-    """Objections to a filter that had smoothed the velocities, or may have, and to influences that the record shows."""
-    record = assessment.record
-    filtered = [objection(Code.SMOOTHED_VELOCITY, smoothing_s=record.smoothing_s)] if record.smoothing_s > 0.0 else []
-    filtered += [
-        objection(Code.MEAN_VELOCITY, mean_s=over_s, how=MEANS[len(record.means)]) for _, over_s in record.means[:1]
-    ]
-    filtered += (
-        [objection(Code.PERHAPS_SMOOTHED, filter_s=record.filter_doubt_s)] if record.filter_doubt_s > 0.0 else []
-    )
-    return (*filtered, *assessment.budget.warnings())
+    """Objections to what has smoothed the velocities, or may have, and to influences that the record shows."""
+    record, smoothed = assessment.record, list[Objection]()
+    if record.smoothing_s > 0.0:
+        smoothed.append(objection(Code.SMOOTHED_VELOCITY, smoothing_s=record.smoothing_s))
+    if record.means:
+        how, over_s = MEANS[len(record.means)], record.means[0][1]
+        smoothed.append(objection(Code.MEAN_VELOCITY, how=how, mean_s=over_s))
+    if record.filter_doubt_s > 0.0:
+        smoothed.append(objection(Code.PERHAPS_SMOOTHED, filter_s=record.filter_doubt_s))
+    return (*smoothed, *assessment.budget.warnings())
 
 
 def _corrected(assessment: Assessment, reported: ReportedParameters) -> Array:

@@ -138,9 +138,8 @@ def with_smoothing(
     search = _Search(record, fit, model, prior, sigma_s)
     found = {kind: search.coarse(kind) for kind in (FILTER, MEAN)}
     none = found[MEAN][0]
-    if (
-        search.best(found[MEAN]).error < HINT * none.error
-    ):  # the last two are alike: where one is far off, so is the other
+    # What is nearly alike is far off as well.
+    if search.best(found[MEAN]).error < HINT * none.error:
         found[FLAT] = search.coarse(FLAT)
     kind = min(found, key=lambda one: search.best(found[one]).error)
     best = search.best(found[kind])
@@ -158,9 +157,10 @@ def with_smoothing(
     except ValueError:
         return in_doubt
     # A mean hides what tells lag from latency: only both together may not be before the command.
-    early_s = known.latency_s if kind is FILTER else known.lag_s + known.latency_s - EARLY_S
+    late_s, least_s = (known.latency_s, 0.0) if kind is FILTER else (known.lag_s + known.latency_s, EARLY_S)
+    possible = better.theta[-1] >= model.rigid and late_s >= least_s
     nearer = kind.error(record, better, best.time_s) <= NEARER * none.error
-    return (known, better) if nearer and better.theta[-1] >= model.rigid and early_s >= 0.0 else in_doubt
+    return (known, better) if nearer and possible else in_doubt
 
 
 class _Search:
