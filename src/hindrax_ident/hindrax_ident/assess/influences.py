@@ -17,7 +17,7 @@ import numpy as np
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.axis_fit import HEAVE, SURGE, YAW, AxisFit
+from hindrax_ident.assess.axis_fit import HEAVE, PITCH, SURGE, YAW, AxisFit
 from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
@@ -62,6 +62,8 @@ AVERAGED_S, AVERAGING = 1.0, 0.5
 """Time over which the rows of a table may be averages [s], and how much of what that hides they may hide [-]."""
 TETHER = 0.04
 """Standard deviation of the pull or drag of a tether, as a share of the largest thrust [-]."""
+TETHER_END_N, TETHER_mps = 0.4, 0.5
+"""Greatest drag of the last meter of a tether at that speed: a fifth of that of five (`conditions/water.py`)."""
 FRICTION_SPEED = 0.02
 """Share of the highest speed below which dry friction is less than that of motion [-]."""
 NEAR_MODEL = 0.03
@@ -307,6 +309,20 @@ def _longer_tether(case: AxisFit) -> Array:
     return case.of_force(-_braking(case) * case.position)
 
 
+def _tether_drag(case: AxisFit) -> float:
+    """Deviation of the drag of a tether at the highest speed [N, N m]: evenly up to the greatest.
+
+    Most of the thrust of roll and pitch is held against the restoring moment, so it is no measure of what brakes: a
+    share of it was a tenth of the drag, and was taken off. They move the end of the tether alone, at the top of the
+    stern.
+    """
+    if not case.fit.model.restores or case.tuning.thrust_doubt is not None:
+        return max(TETHER, case.thrust_doubt) * case.pull
+    length, _, height = case.vehicle.envelope_m
+    lever_m = 0.5 * (math.hypot(length, height) if case.axis == PITCH else height)
+    return lever_m * TETHER_END_N * (lever_m * case.speed / TETHER_mps) ** 2 / math.sqrt(3.0)
+
+
 def _braking(case: AxisFit) -> Array:
     """Against the motion, with speed squared, 1 at the highest: (n,) [-]."""
     x = case.v / max(1e-9, case.speed)
@@ -519,8 +535,7 @@ INFLUENCES: tuple[Influence, ...] = (
         or_else=lambda case: "a buoyancy that changes with depth" if case.axis == HEAVE else "",
     ),
     Influence(
-        "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull,
-        lambda case: case.of_force(-_braking(case)),
+        "drag of the tether", "N", MODEL, _tether_drag, lambda case: case.of_force(-_braking(case)),
         SHORT_TETHER, near=NEAR_MODEL, loss=True,
     ),
     Influence(
