@@ -249,10 +249,7 @@ def _averaging(case: AxisFit) -> Array:
     It goes with the square of that time. Without this row it passes for an inflow loss, or for delayed flow.
     """
     grid = case.fit.problem.grid
-    first = np.flatnonzero(grid.starts)
-    of = np.cumsum(grid.starts) - 1
-    bounds = np.stack([first, np.append(first[1:], len(case.v)) - 1])[:, of]
-    means = mean_velocities(grid.times_s, grid.times_s, bounds, AVERAGED_S)
+    means = mean_velocities(grid.times_s, grid.times_s, grid.bounds, AVERAGED_S)
     v, drag = (means.of(np.stack([x, np.cumsum(case.of_force(x)[:, 0])], axis=1)) for x in (case.v, case.drag(case.v)))
     return case.of_force(case.drag(v) - drag)
 

@@ -101,23 +101,27 @@ def build_problem(model: Model, record: Record) -> OutputErrorProblem:
     chains = [_interleaved(v, s, grid, int(at)) for (v, s), grid, at in zip(cut, grids, offsets, strict=False)]
     t, y, index, channel = (np.concatenate(parts) for parts in zip(*chains, strict=True))
     edges = np.cumsum([0, *(len(v) + len(s) for v, s in cut)]).tolist()
-    of = np.repeat(np.arange(len(cut)), np.diff(edges))[channel == 0]
-    bounds = np.stack([offsets[of], offsets[of + 1] - 1])
+    grid = Grid(
+        times, starts, per_step(record.impulse(times), starts), record.speed_across(times) if model.crossed else 0.0
+    )
+    index = index.astype(np.intp)
+    velocities = channel == 0
     return OutputErrorProblem(
         model=model,
-        grid=Grid(
-            times, starts, per_step(record.impulse(times), starts), record.speed_across(times) if model.crossed else 0.0
-        ),
+        grid=grid,
         t=t,
         y=y,
-        index=index.astype(np.intp),
+        index=index,
         channel=channel.astype(np.intp),
         counts=np.ones(len(t), bool),
         spans=tuple(slice(a, b) for a, b in itertools.pairwise(edges)),
         guess=_initial_guess(cut, grids),
         lag_s=record.lag_s,
         efforts=record.efforts(t),
-        means=tuple((share, mean_velocities(t[channel == 0], times, bounds, over_s)) for share, over_s in record.means),
+        means=tuple(
+            (share, mean_velocities(t[velocities], times, grid.bounds[:, index[velocities]], over_s))
+            for share, over_s in record.means
+        ),
     )
 
 

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.arrays import Array, Flags, Index, array
 from hindrax_ident.model.motion_model import Model
 
 NEWTON_STEPS = 30
@@ -43,6 +43,13 @@ class Grid:
     def steps_s(self) -> Array:
         """Length of the step that ends at each time: (n,) [s]; zero at a start."""
         return per_step(self.times_s, self.starts)
+
+    @cached_property
+    def bounds(self) -> Index:
+        """First and last point in the stretch of each: (2, n)."""
+        first = np.flatnonzero(self.starts)
+        last = np.append(first[1:], len(self.starts)) - 1
+        return np.stack([first, last])[:, np.cumsum(self.starts) - 1]
 
     @cached_property
     def quadrature(self) -> Array:
