@@ -279,6 +279,7 @@ def test_a_coarse_range_comes_to_rest_and_stays(digits: int) -> None:
     )
     way = np.cumsum(0.2 * resting) * PERIOD_S
     record = placed(way_of(moving()))
+    record.wrench[:, 0] = 10.0 * resting
     rested = replace(record, way=array(np.column_stack([np.round(way, digits), np.zeros((len(T), 2))])))
     assert without_damage(rested).assumptions == ()
 

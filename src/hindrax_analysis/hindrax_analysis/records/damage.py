@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from hindrax_analysis.records.contact import without_contact
 from hindrax_analysis.records.interpolated import measured_rows
 from hindrax_analysis.records.recording import Recording, longest_hold_s
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, Index, array, stretches_of
-from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import longest_ages_s
 from hindrax_ident.tuning import Tuning
 
@@ -45,12 +45,6 @@ PAUSE_S = 5.0
 """A longer step is no time between two bursts."""
 APART, FEWEST_OTHERS = 3.0, 10
 """Distance of a number that stands for "no value" from all others, in spans of these, and their least number."""
-HEAVE = 2
-SURFACE_m, CONTACT_m, CONTACT_NOISES = 0.5, 0.02, 4.0
-"""Largest depth of a vehicle that floats, by its sensor, which may count from elsewhere on the hull; and how far it
-bobs [m], or by how many deviations of the depth's noise."""
-CONTACT_S, CONTACT_PUSH = 1.0, 0.05
-"""Least time of a contact, and least mean thrust against it over about as long, in the largest."""
 MIXED = 4.0
 """Step from one velocity to the next, in steps to the one after the next, above which their lines are mixed."""
 GAP_STEPS, GAP_S = 5.0, 1.0
@@ -59,9 +53,9 @@ GAP_STEPS, GAP_S = 5.0, 1.0
 
 def without_damage(recording: Recording) -> Recording:
     """The record without what is no measurement; what was found is added to its assumptions."""
-    notes = _mixed(recording)
-    spread, told = (recording, []) if notes else _with_even_times(recording)
-    notes += told
+    mixed = _mixed(recording)
+    spread, told = (recording, []) if mixed else _with_even_times(recording)
+    notes = [*mixed, *told]
     velocity = spread.velocity.copy()
     # Forces that hold at the times of the velocities; NaN before the first.
     at = np.searchsorted(spread.wrench_t, spread.velocity_t, side="right")
@@ -90,7 +84,8 @@ def without_damage(recording: Recording) -> Recording:
     whole = replace(
         spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread), *_pauses(spread))
     )
-    return _without_contact(_without_repeated(whole))
+    kept = _without_repeated(whole)
+    return kept if mixed else without_contact(kept)
 
 
 def _without_repeated(recording: Recording) -> Recording:
@@ -160,36 +155,6 @@ def _breaks_off(steps: Array, stretch: slice) -> bool:
     least = STEEP * float(steps[steps > 0.0].min())
     before = stretch.start > 0 and steps[stretch.start - 1] > least
     return bool(before and (stretch.stop == len(steps) or steps[stretch.stop] > least))
-
-
-def _without_contact(recording: Recording) -> Recording:
-    """The record without heave while the vehicle is pressed against the surface, which carries what no row knows.
-
-    There the depth stays at its least, near zero, though the thrust pushes up.
-    """
-    known = np.flatnonzero(np.isfinite(recording.attitude[:, 2]))
-    t, depth = recording.attitude_t[known], recording.attitude[known, 2]
-    commanded = np.isfinite(recording.wrench[:, HEAVE])
-    if len(t) <= 2 * FEWEST_EQUAL or not commanded.any():
-        return recording
-    least = float(np.quantile(depth, 0.01))
-    noise = float(np.std(np.diff(depth, n=2))) / math.sqrt(6.0)
-    within = max(CONTACT_NOISES * noise, CONTACT_m)
-    force = recording.wrench[commanded, HEAVE]
-    up = LaggedThrust(recording.wrench_t[commanded], force, CONTACT_S).force(t) < -CONTACT_PUSH * np.abs(force).max()
-    touching = (np.abs(depth - least) <= within) & up & (abs(least) < SURFACE_m)
-    stretches = [one for one in stretches_of(touching) if t[one.stop - 1] - t[one.start] >= CONTACT_S]
-    if not stretches:
-        return recording
-    velocity, attitude = recording.velocity.copy(), recording.attitude.copy()
-    for one in stretches:
-        attitude[known[one], 2] = np.nan
-        velocity[(recording.velocity_t >= t[one.start]) & (recording.velocity_t <= t[one.stop - 1]), HEAVE] = np.nan
-    lasts_s = sum(float(t[one.stop - 1] - t[one.start]) for one in stretches)
-    note = (
-        f"heave: {lasts_s:.3g} s at the surface, while the thrust pushes up, are no free motion: {_left(stretches, t)}"
-    )
-    return replace(recording, velocity=velocity, attitude=attitude, assumptions=(*recording.assumptions, note))
 
 
 def _absent(v: Array) -> Iterator[tuple[float, Flags]]:

@@ -85,10 +85,11 @@ outputs, at the logged voltage.
 Several records of one vehicle are pooled, and the spread between them is shown. CSV files one after the other that
 hold different columns of the same time (one file per topic, as `rostopic echo -p` or PlotJuggler write them) are one
 record. Invalid samples are left out and reported: zeros of a DVL without lock, numbers that stand for none (-32.768),
-values of a frozen or saturated sensor, outliers, heave while the thrust presses the vehicle against the surface, and
-roll and pitch while it is turned over about the other of them; a filter that has smoothed the velocities is undone;
-velocities that came in bursts, and lines that share the times of a coarse clock, are spread evenly; lines of several
-trials that are mixed are reported.
+values of a frozen or saturated sensor, outliers, heave while the thrust presses the vehicle against the surface, an
+axis at rest under a thrust that moves it at other times (held, or the thrusters were off), and roll and pitch while it
+is turned over about the other of them; a filter that has smoothed the velocities is undone; velocities that came in
+bursts, and lines that share the times of a coarse clock, are spread evenly; lines of several trials that are mixed
+are reported.
 
 columns of a CSV record (SNAME axes, those of ROS for fields of Twist and Wrench, or --frame; SI units, or others in
 the header line such as "u [cm/s]" or t_ms; names like vx, surge_force or as of PlotJuggler serve too; angles and
