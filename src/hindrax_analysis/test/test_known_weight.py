@@ -5,12 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_analysis.identification.known_weight import DIFFERENCE, KNOWN_WITHOUT, Hold, LoadSpan, holds_of, weigh
+from hindrax_analysis.identification.known_weight import (
+    DIFFERENCE,
+    KNOWN_WITHOUT,
+    Hold,
+    LoadSpan,
+    Weighing,
+    holds_of,
+    weigh,
+)
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, after, stamp_from_s
+from hindrax_core.readings import vec6
 from hindrax_core.signals import UNKNOWN6, IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.arrays import array
 
 VEHICLE = load_vehicle(default_vehicle())
 LOADS = (0.0, 15.0, -15.0, 15.0, -15.0)
@@ -145,3 +156,38 @@ def test_holds_are_cut_out_of_a_record_of_events() -> None:
     assert found.wrench == (149.5, 0.0, 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(HindraxError, match="found 0 wrenches"):
         holds_of(events, 0, [LoadSpan(after(begin, 50.0), after(begin, 60.0), 3.0)])
+
+
+def test_thrusters_that_idle_near_their_dead_bands_make_a_gain_uncertain() -> None:
+    """By 2.25 N m the gain of yaw was 1.15, "known to 1 %": one of those that idle at 1.3 N gave nothing."""
+    still = np.zeros(400)
+    B = effectiveness(VEHICLE)
+    shares = np.linalg.pinv(B)[:, 5]
+    idle = np.array([1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    assert (B @ idle)[:6] == pytest.approx(np.zeros(6), abs=1e-9), "of no effect on any axis"
+
+    def weighed(bias_N: float) -> Weighing:
+        found = []
+        for index, load in enumerate((0.0, 2.25, -2.25, 2.25, -2.25)):
+            forces = array(bias_N * idle - shares * load)
+            noise = 0.02 * np.random.default_rng(index).standard_normal(1000)
+            wrench = (0.0, 0.0, 0.0, 0.0, 0.0, -load)
+            found.append(Hold(load, 50.0 * index, 50.0, noise - load, still, wrench, forces))
+        return weigh(found, 5, VEHICLE)
+
+    source = "dead bands that differ"
+    # Just above the least force of a thruster that runs, 1.2 N, and well beyond it.
+    near, beyond = (weighed(1.3 + float(shares.max()) * 2.25 + more_N) for more_N in (0.0, 2.0))
+    assert near.contributions[source] > 2.0 * beyond.contributions[source]
+    assert "larger allocation.idle_bias_N" in near.refused
+    assert beyond.refused == ""
+
+
+def test_what_dead_bands_take_from_a_push_belongs_to_the_gain() -> None:
+    """It is taken in flight too."""
+    shares = np.linalg.pinv(effectiveness(VEHICLE))[:, 0]
+    pushed = [
+        replace(one, forces=array(shares * one.thrust.mean()), wrench=vec6([one.thrust.mean(), *[0.0] * 5]))
+        for one in holds(1.0, 1.0, else_N=0.0)
+    ]
+    assert weigh(pushed, 0, VEHICLE).contributions["dead bands that differ"] < 1e-6

@@ -39,7 +39,7 @@ def test_in_mock_it_finds_what_the_thrusters_lack_and_keeps_it(
     monkeypatch.setattr(weighing_flight, "SETTLE_S", 20.0)
     monkeypatch.setattr(weighing_flight, "RAMP_per_s", 0.5)
     monkeypatch.setattr(weighing_flight, "HOLD_S", 5.0)
-    words = ["weigh", "surge", "--mock", "--world", "thrust_gain=-0.05", "--load", "4", "--one-way"]
+    words = ["weigh", "surge", "--mock", "--world", "thrust_gain=-0.05", "--load", "8", "--one-way"]
     assert main([*words, "--vehicle", str(vehicle_file), "--write", "--json"]) == 0
     gain = json.loads(capsys.readouterr().out)["weighing"]["gain"]
     assert abs(gain["negative"] - 0.95) < 3.0 * gain["sigma"]

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hindrax_analysis.identification.known_weight import Hold, LoadSpan, holds_of
+from hindrax_control.allocation.allocator import WEIGHED_AT
 from hindrax_control.maneuver.goal import servable_motions
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import IdentEvent, Thrust, Velocity
@@ -55,7 +56,8 @@ def weigh_on(
     list[Hold]
         Means over `HOLD_S`, after `SETTLE_S`; one for each load.
     """
-    from hindrax_operator.nodes.orders import hold, until, while_armed  # noqa: PLC0415  # rclpy reads the environment first
+    from hindrax_operator.nodes.idle_force import idle_force_times  # noqa: PLC0415  # rclpy reads the environment first
+    from hindrax_operator.nodes.orders import hold, until, while_armed  # noqa: PLC0415  # as above
 
     served = servable_motions(AXES, vehicle).flown
     hold(operator, ("heading", "depth", "station"), math.nan, engaged=True)
@@ -68,24 +70,26 @@ def weigh_on(
         return operator.now() >= end
 
     spans = []
-    for load in loads:
-        ask(load)
-        # A guard that disarms while a person hangs the load is told then, and not when Enter is pressed.
-        operator.wait(while_armed(operator, ready, "the weighing"), PATIENCE_S, lambda: "the load to hang")
-        report(f"settling for {SETTLE_S:.0f} s")
-        begin = after(operator.now(), SETTLE_S)
-        until(operator, partial(collect, begin, keep=False), SETTLE_S, "the weighing")
-        report(f"measuring for {HOLD_S:.0f} s: keep away from line and tether")
-        span = LoadSpan(begin, after(begin, HOLD_S), load)
-        until(operator, partial(collect, span.end, keep=True), HOLD_S, "the weighing")
-        spans.append(span)
+    with idle_force_times(operator, WEIGHED_AT.get(AXES[axis], 1.0), report):
+        for load in loads:
+            ask(load)
+            # A guard that disarms while a person hangs the load is told then, and not when Enter is pressed.
+            operator.wait(while_armed(operator, ready, "the weighing"), PATIENCE_S, lambda: "the load to hang")
+            report(f"settling for {SETTLE_S:.0f} s")
+            begin = after(operator.now(), SETTLE_S)
+            until(operator, partial(collect, begin, keep=False), SETTLE_S, "the weighing")
+            report(f"measuring for {HOLD_S:.0f} s: keep away from line and tether")
+            span = LoadSpan(begin, after(begin, HOLD_S), load)
+            until(operator, partial(collect, span.end, keep=True), HOLD_S, "the weighing")
+            spans.append(span)
     return holds_of(events, axis, spans)
 
 
 def _now(operator: Operator) -> Iterator[Stamped[IdentEvent]]:
     if operator.allocation is not None:
         X, Y, Z, K, M, N = (float(one) for one in operator.allocation.achieved)
-        yield Stamped(stamp_from_msg(operator.allocation.header.stamp), Thrust((X, Y, Z, K, M, N)))
+        forces_N = tuple(float(one) for one in operator.allocation.forces)
+        yield Stamped(stamp_from_msg(operator.allocation.header.stamp), Thrust((X, Y, Z, K, M, N), forces_N))
     if operator.navigation is not None:
         state = operator.navigation.reading
         nu = (*state.velocity_mps, *state.rate_radps)

@@ -18,6 +18,7 @@ from hindrax_ros.messages.convert import stamp_to_msg
 VEHICLE = load_vehicle(default_vehicle())
 LOADS = (0.0, 15.0, -15.0)
 GAIN = 0.95
+FORCES_N = [float(n) for n in range(8)]
 
 
 class PushingStack:
@@ -37,7 +38,7 @@ class PushingStack:
     @property
     def allocation(self) -> Any:
         header = SimpleNamespace(stamp=stamp_to_msg(self._now))
-        return SimpleNamespace(achieved=[-self.load / GAIN, 0.0, 0.0, 0.0, 0.0, 0.0], header=header)
+        return SimpleNamespace(achieved=[-self.load / GAIN, 0.0, 0.0, 0.0, 0.0, 0.0], forces=FORCES_N, header=header)
 
     @property
     def navigation(self) -> Any:
@@ -76,6 +77,7 @@ def test_it_holds_every_axis_asks_for_each_load_and_measures_when_it_hangs(held:
     assert [one.load for one in holds] == list(LOADS)
     assert all(len(one.thrust) == pytest.approx(10.0 * HOLD_S, abs=2) for one in holds)
     assert holds[1].begin_s > SETTLE_S + HOLD_S
+    assert all(one.forces.tolist() == FORCES_N for one in holds)
     found = weigh(holds, 0, VEHICLE).gain
     assert found.positive == pytest.approx(GAIN, abs=1e-3)
     assert [line for line in reported if "keep away" in line]

@@ -6,7 +6,7 @@ is the same with and without. Pure, over the events of any record; uncertainty b
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import AXES, AxisGain, Vehicle
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.thrust_calibration import DEAD_BAND_us, lost_to_dead_bands, thrust_shares
 
 BLOCKS = 8
 """Parts of a hold whose means give the deviation of the mean of all."""
@@ -49,12 +50,16 @@ ASIDE = 0.15
 
 Thrusters differ, and near a dead band a force of 0.7 N is a third off: a line at the bow, whose pull aside takes 1.6 of
 the effort of its moment, gave gains of yaw of 0.90 to 1.35 where two lines gave 0.99 (mock, *pool*)."""
-PASSES = 3
+PASSES, DRAWS = 3, 31
 EXACT = 1e-5
 """Least deviation of a hold, of the loads: numbers of a simulator may have none [-]."""
 SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "dead bands")
-OTHER_AXES = "thrust on other axes"
-BETTER = {OTHER_AXES: "lead the line so that it acts along the axis alone; yaw takes two lines that pull opposite ways"}
+OTHER_AXES, DIFFERENT = "thrust on other axes", "dead bands that differ"
+BETTER = {
+    OTHER_AXES: "lead the line so that it acts along the axis alone; yaw takes two lines that pull opposite ways",
+    DIFFERENT: "weigh with a larger load, or with a larger allocation.idle_bias_N, so that every thruster pushes well "
+    "beyond its dead band",
+}
 """What to do about a source, where a larger load is no help."""
 LARGER = "weigh with a larger load, for longer, and with the tether slack"
 
@@ -72,7 +77,7 @@ class LoadSpan:
 class Hold:
     """One span at rest: thrust of the curves (n,), velocity along the axis (m,), from `begin_s` on for `long_s`.
 
-    `wrench` is the mean thrust on all axes [N, N m].
+    `wrench` is the mean thrust on all axes [N, N m], `forces` (k,) that of each thruster [N]; empty where unknown.
     """
 
     load: float
@@ -81,6 +86,7 @@ class Hold:
     thrust: Array
     velocity: Array
     wrench: Vec6 = (0.0,) * 6
+    forces: Array = field(default_factory=lambda: array(np.zeros(0)), compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +147,8 @@ def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[L
     out = []
     for span in spans:
         readings = [event.reading for event in recorded if span.begin <= event.stamp < span.end]
-        wrenches = np.array([one.wrench for one in readings if isinstance(one, Thrust)]).reshape(-1, len(AXES))
+        thrusts = [one for one in readings if isinstance(one, Thrust)]
+        wrenches = np.array([one.wrench for one in thrusts]).reshape(-1, len(AXES))
         velocity = [one.nu[axis] for one in readings if isinstance(one, Velocity) and math.isfinite(one.nu[axis])]
         if len(wrenches) < LEAST_SAMPLES or len(velocity) < 2:
             raise HindraxError(
@@ -150,7 +157,8 @@ def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[L
             )
         long_s = seconds_between(span.begin, span.end)
         begin_s, mean = seconds_between(first, span.begin), vec6(wrenches.mean(axis=0).tolist())
-        out.append(Hold(span.load, begin_s, long_s, wrenches[:, axis], np.array(velocity), mean))
+        forces = np.mean([one.forces_N for one in thrusts], axis=0) if all(one.forces_N for one in thrusts) else []
+        out.append(Hold(span.load, begin_s, long_s, wrenches[:, axis], np.array(velocity), mean, array(forces)))
     return out
 
 
@@ -223,6 +231,7 @@ def weigh(holds: Sequence[Hold], axis: int, vehicle: Vehicle, *, load_sigma: flo
     parts = {name: float(np.linalg.norm(gains[0] * wide[:, k])) for k, name in enumerate(SOURCES)}
     parts |= {"drift of the battery": float(abs(solve[0, 3])) / SAG_per_s}
     parts |= {OTHER_AXES: ASIDE * _effort_on_other_axes(holds, axis, vehicle)}
+    parts |= {DIFFERENT: _by_dead_bands(holds, axis, vehicle, gains[0])}
     parts |= {"weight and lever": load_sigma, "another battery": SUPPLY, "alignment": ALIGNMENT}
     gain = AxisGain(
         load=float(np.abs(loads).max()),
@@ -267,6 +276,38 @@ def _effort_on_other_axes(holds: Sequence[Hold], axis: int, vehicle: Vehicle) ->
     own = forces[:, axis] * slope[axis]
     slope[axis] = 0.0
     return float(np.linalg.norm(forces @ slope) / np.linalg.norm(own)) if own.any() else 0.0
+
+
+def _by_dead_bands(holds: Sequence[Hold], axis: int, vehicle: Vehicle, per_balance: Array) -> float:
+    """Standard deviation of a gain by dead bands that differ, each thruster's the same in all holds [-].
+
+    What they take from thrusters that all push against the load, they take in flight too: it is in the gain, as it
+    should be. What counts is the difference. In yaw of 2.25 N m thrusters idle against the load with 1.3 N, just above
+    their least force: one that starts 6 us later gives none of it, and the gain was 1.15 (mock, *pool*, seed 40),
+    "known to 1 %".
+
+    Parameters
+    ----------
+    holds
+        With the mean force of each thruster, else 0 is returned.
+    axis, vehicle
+        As of `weigh`.
+    per_balance : (n,) [1/N, 1/(N m)]
+        What an error of each hold's balance does to the gain.
+    """
+    if not vehicle.thrusters or any(len(hold.forces) != len(vehicle.thrusters) for hold in holds):
+        return 0.0
+    shares = np.array([share for _, share in thrust_shares(vehicle, axis).values()])
+    held = [hold.forces for hold in holds]
+    together = [array(shares * hold.wrench[axis]) for hold in holds]
+    nodes, weights = np.polynomial.hermite_e.hermegauss(DRAWS)
+    # An error of the force is no linear function of that of the pulse: where a curve begins, all of it is lost.
+    lost = np.array([
+        [lost_to_dead_bands(vehicle, one, DEAD_BAND_us * node) for one in (*held, *together)] for node in nodes.tolist()
+    ])  # fmt: skip
+    differ = lost[:, : len(holds)] - lost[:, len(holds) :]
+    errors = effectiveness(vehicle)[axis] * np.einsum("h,dhk->dk", per_balance, differ)
+    return math.sqrt(float(weights @ np.sum(errors**2, axis=1)) / float(weights.sum()))
 
 
 def _deviations(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics) -> Array:

@@ -28,6 +28,9 @@ LARGEST_WRENCH = 1e12
 
 KEPT_LAYOUTS = 32
 
+WEIGHED_AT = {"yaw": 2.0}
+"""Idle force at which an axis is weighed, in that of flight: against a moment as small as a person can hang, thrusters
+go on idling against each other, and one of each pair would come near its dead band (ADR 35)."""
 NO_FORCES = "wrench: found no forces within limits, wanted its largest part; check the thrust curves"
 
 

@@ -14,12 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_core.thrust.curves import Branch, Curve
+from hindrax_core.thrust.curves import Branch, Curve, running
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import unit_wrench
 
 TABLE = 401
+DEAD_BAND_us = 5.0
+"""Standard deviation of the pulse at which a thruster starts: a fifth of the dead band of its speed controller, our
+estimate (`docs/reference/worlds.md`)."""
 ROUNDING = 1e-9
 """Of the largest force: where thrusters cancel on an axis, a sum is left whose sign depends on the computer."""
 
@@ -74,6 +77,43 @@ def thrust_shares(vehicle: Vehicle, axis: int) -> dict[int, tuple[float, float]]
     B = np.array([unit_wrench(vehicle, thruster) for thruster in vehicle.thrusters]).T
     share = np.linalg.pinv(B)[:, axis]
     return {i: (float(B[axis, i]), float(share[i])) for i in range(B.shape[1])}
+
+
+def lost_to_dead_bands(vehicle: Vehicle, forces_N: Array, wider_us: float) -> Array:
+    """What each thruster gives less at the pulse for a force, if its dead band is wider and its curve begins later.
+
+    Near the dead band that is much of the force, and all of it where the curve begins with a leap.
+
+    Parameters
+    ----------
+    vehicle
+        Thrusters and curves.
+    forces_N : (k,) [N]
+        One of each thruster, along its direction.
+    wider_us : [us]
+        On both sides; negative: narrower.
+
+    Returns
+    -------
+    Array
+        (k,) [N], with the sign of the force.
+    """
+    return array([
+        _lost(vehicle.curves[one.curve], force_N, wider_us)
+        for one, force_N in zip(vehicle.thrusters, forces_N.tolist(), strict=True)
+    ])  # fmt: skip
+
+
+def _lost(curve: Curve, force_N: float, wider_us: float) -> float:
+    """Of one thruster [N]. One that turns the other way round has the pulses reflected, and loses the same."""
+    if force_N == 0.0:
+        return 0.0
+    runs = running(curve)
+    branch, sign = (runs.positive, 1.0) if force_N > 0.0 else (runs.negative, -1.0)
+    pulse_us = branch.inverse()(force_N)
+    now_N = branch.force_N(pulse_us)
+    # A mean below the least force of one that runs is of one that runs for a part of the time.
+    return force_N * (1.0 - runs.force_N(pulse_us - sign * wider_us) / now_N) if now_N else 0.0
 
 
 def _branch_modes(curve: Curve, allocation: list[tuple[float, float]]) -> list[ThrustErrorMode]:

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from hindrax_control.allocation.allocator import WEIGHED_AT, AllocationKnobs
 from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.pilot import Pilot
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
@@ -125,13 +126,15 @@ def fly_weighing(vehicle: Vehicle, axis: int, world: str, seed: int, shares: Seq
     vehicle = calibrated(vehicle)
     pilot = WeighingPilot(vehicle, shares)
     step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)))
+    usual = AllocationKnobs()
+    step.onboard.cycle.tune(replace(usual, idle_bias_N=WEIGHED_AT.get(AXES[axis], 1.0) * usual.idle_bias_N))
     (load,) = (one for one in step.world.truth.influences if isinstance(one, KnownLoad))
     pilot.load, load.share = load, 0.0
     events: list[Stamped[IdentEvent]] = []
     for event in step.run(len(shares) * (SETTLE_S + HOLD_S) + LONGEST_START_S):
         reading = event.reading
         if isinstance(reading, Allocation):
-            events.append(Stamped(event.stamp, Thrust(reading.achieved)))
+            events.append(Stamped(event.stamp, Thrust(reading.achieved, reading.forces_N)))
         elif isinstance(reading, Navigation):
             nu = (*reading.velocity_mps, *reading.rate_radps)
             events.append(Stamped(event.stamp, Velocity(nu, "navigation")))
