@@ -12,7 +12,7 @@ from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.assess.axis_fit import MOST_RUNS, AxisFit
 from hindrax_ident.assess.influences import GAIN, INFLUENCES, LOSSES, MODEL, OTHER_AXES, RUN, Influence, _coasts, acting
 from hindrax_ident.assess.posterior import root
-from hindrax_ident.assess.thrust_calibration import thrust_shares
+from hindrax_ident.assess.thrust_calibration import thrust_shares, usual_losses
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.model_parameters import wide_prior
@@ -275,8 +275,8 @@ def test_what_a_known_weight_showed_at_its_load_is_no_error_any_more(
     shown = np.isin(np.sign(THRUST), known) * THRUST / 10.0 * -(10.0**2) / PULL
     assert_effect(weighed, "sag under load", of_force(-THRUST * np.abs(THRUST) / PULL - shown))
     # At the load nothing is left.
-    edges = -PULL * np.clip(y / (0.1 * PULL), -1.0, 1.0)
-    assert_effect(weighed, "dead bands that differ", of_commands(edges - measured * y / 10.0 * -PULL))
+    edges = -0.01 * PULL * np.clip(y / (0.1 * PULL), -1.0, 1.0)
+    assert_effect(weighed, "dead bands that differ", of_commands(edges - measured * y / 10.0 * -0.01 * PULL))
 
 
 def of_one(forces_N: list[float], per_newton: float = 1.0) -> ThrusterForces:
@@ -318,11 +318,47 @@ def test_sag_under_load_grows_with_the_square(case: AxisFit) -> None:
 
 def test_dead_bands_take_thrust_at_their_edges(case: AxisFit) -> None:
     y = COMMANDS.y
-    assert_effect(case, "dead bands that differ", of_commands(-PULL * np.clip(y / (0.1 * PULL), -1.0, 1.0)))
+    assert_effect(case, "dead bands that differ", of_commands(-0.01 * PULL * np.clip(y / (0.1 * PULL), -1.0, 1.0)))
     doubted = replace(case, tuning=Tuning(thrust_doubt=0.3))
     band = 0.3 * PULL
     wanted = of_commands(-band * np.clip(y / band, -1.0, 1.0), np.where(np.abs(y) < band, -0.5 * y, 0.0))
     assert_effect(doubted, "dead band of the thrust", wanted)
+
+
+def by_thrusters(case: AxisFit, forces: Array) -> AxisFit:
+    """The case with these forces (5, k) of its thrusters at the times of the commands."""
+    per_newton = array(effectiveness_of(case.vehicle, 0))
+    return replace(case, record=replace(case.record, forces=ThrusterForces(COMMANDS.t, per_newton, forces)))
+
+
+def effectiveness_of(vehicle: Vehicle, axis: int) -> list[float]:
+    return [per_newton for per_newton, _ in thrust_shares(vehicle, axis).values()]
+
+
+def test_each_thruster_loses_by_its_own_dead_band(case: AxisFit) -> None:
+    """Two that work: one of 3 N, where 5 us are 0.19 N, and one just beyond the edge, where they are all of its 1.3."""
+    forces = np.zeros((5, len(case.vehicle.thrusters)))
+    forces[:, 0], forces[:, 1] = 3.0, 1.25 * np.array([1.0, -1.0, 1.0, -1.0, 1.0])
+    working = by_thrusters(case, array(forces))
+    found = row("dead bands that differ").effect(working)
+    lost = [usual_losses(case.vehicle)[i](array(forces[:, i])) for i in (0, 1)]
+    assert lost[0] == pytest.approx(-0.19, abs=0.02)
+    assert np.abs(lost[1]).min() > 0.4
+    wanted = of_commands(*(d * one for d, one in zip(effectiveness_of(case.vehicle, 0), lost, strict=False)))
+    # Independent unknowns of one deviation each may be rotated: what they make together is the same.
+    assert found @ found.T == pytest.approx(wanted @ wanted.T, abs=1e-9)
+
+
+def test_a_weighing_shows_what_dead_bands_take_from_thrusters_that_push_together(case: AxisFit) -> None:
+    """At its load nothing is left."""
+    y = array(10.0 * np.sign(COMMANDS.y))
+    shares = np.array([share for _, share in thrust_shares(case.vehicle, 0).values()])
+    at_load = by_thrusters(case, array(np.outer(y, shares)))
+    at_load = replace(at_load, record=replace(at_load.record, thrust=Series(COMMANDS.t, y)))
+    weighed = weighed_by(at_load, {"surge": AxisGain(10.0, 0.004, 0.01, 1.0, 1.0)})
+    free, left = (np.abs(row("dead bands that differ").effect(one)).max() for one in (at_load, weighed))
+    assert free > 0.01
+    assert left < 1e-9
 
 
 def test_another_exponent_of_the_thrust_leaves_the_largest_as_it_is(case: AxisFit) -> None:
@@ -655,7 +691,7 @@ PRIORS: dict[str, tuple[str, float, bool, float, str, bool]] = {
     "inflow loss": (GAIN, 0.12, True, 0.005, "inflow", True),
     "sag over the run": (GAIN, 0.1, False, 0.03, "", True),
     "sag under load": (MODEL, 0.03, False, 0.03, "", True),
-    "dead bands that differ": (MODEL, 0.01, False, 0.03, "", False),
+    "dead bands that differ": (MODEL, 1.0, False, 0.03, "", False),
     "dead band of the thrust": (MODEL, 1.0, False, 1.0, "", False),
     "exponent of the thrust": (MODEL, 0.05, False, 0.03, "", False),
     "thrust lag": (RUN, 0.003, False, 1.0, "", False),

@@ -18,7 +18,7 @@ from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import AXES, AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.thrust_calibration import DEAD_BAND_us, lost_to_dead_bands, thrust_shares
+from hindrax_ident.assess.thrust_calibration import DRAWS, DEAD_BAND_us, lost_to_dead_bands, thrust_shares
 
 BLOCKS = 8
 """Parts of a hold whose means give the deviation of the mean of all."""
@@ -50,7 +50,7 @@ ASIDE = 0.15
 
 Thrusters differ, and near a dead band a force of 0.7 N is a third off: a line at the bow, whose pull aside takes 1.6 of
 the effort of its moment, gave gains of yaw of 0.90 to 1.35 where two lines gave 0.99 (mock, *pool*)."""
-PASSES, DRAWS = 3, 31
+PASSES = 3
 EXACT = 1e-5
 """Least deviation of a hold, of the loads: numbers of a simulator may have none [-]."""
 SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "dead bands")

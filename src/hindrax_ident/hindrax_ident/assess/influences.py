@@ -19,7 +19,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.axis_fit import HEAVE, PITCH, SURGE, YAW, AxisFit
 from hindrax_ident.assess.posterior import root
-from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
+from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares, usual_losses
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.mean_velocities import mean_velocities
 from hindrax_ident.model.motion_model import HORIZONTAL, INCIDENCE, areas_across
@@ -52,6 +52,9 @@ LOADED_SAG = 0.03
 """The same of the share lost at the largest thrust to 0 to 50 mohm of cable and battery: 9 A, thrust with V^1.7."""
 MEASURED_SAG = 0.005
 """Share of the thrust that may still fall where the supply is measured: its voltage is used in steps of 0.1 V."""
+EDGES, MOST_EDGES = 0.01, 3
+"""Thrust lost to dead bands that differ, of the largest, where no curves tell it [-]; and how many unknowns stand for
+those of all thrusters."""
 WORKING_THRUST = 0.1
 """Share of the largest thrust from which a thruster works on its curve [-]."""
 COASTS_FROM, COAST_S = 0.5, 1.0
@@ -227,10 +230,29 @@ def _thrust_exponent(case: AxisFit) -> Array:
 
 
 def _edges(case: AxisFit) -> Array:
-    edge = max(1e-9, WORKING_THRUST * case.pull)
-    return case.of_commands(
-        _unweighed(case, case.record.thrust.y, lambda y: -case.pull * np.clip(y / edge, -1.0, 1.0)[:, None])
-    )
+    """Thrust lost where the dead band of each thruster is wider by an independent draw: the combinations that do most.
+
+    Without the forces of the thrusters a constant loss, of a hundredth of the largest thrust.
+    """
+    forces, curves = case.record.forces, case.vehicle.curves
+    if not len(forces) or not curves or forces.y.shape[1] != len(case.vehicle.thrusters):
+        edge = max(1e-9, WORKING_THRUST * case.pull)
+        constant = case.record.thrust.y
+        return case.of_commands(
+            _unweighed(case, constant, lambda y: -EDGES * case.pull * np.clip(y / edge, -1.0, 1.0)[:, None])
+        )
+    usual = usual_losses(case.vehicle)
+    columns = np.stack([d * usual[i](forces.y[:, i]) for i, d in enumerate(forces.per_newton.tolist())], axis=1)
+    shares = thrust_shares(case.vehicle, case.axis)
+
+    def together(y: Array) -> Array:
+        """Of thrusters that share a thrust (n,): (n, k)."""
+        return np.stack([d * usual[i](share * y) for i, (d, share) in shares.items()], axis=1)
+
+    shown = _unweighed(case, case.record.thrust.y, together) - together(case.record.thrust.y)
+    impulses = case.of_commands(columns, forces.t) + case.of_commands(shown)
+    U, sizes, _ = np.linalg.svd(impulses, full_matrices=False)
+    return array((U * sizes)[:, :MOST_EDGES])
 
 
 # ---- water
@@ -485,7 +507,7 @@ INFLUENCES: tuple[Influence, ...] = (
         Remedy("measure the supply voltage at the ESCs", condition="supply_resistance"), near=NEAR_MODEL, loss=True,
     ),
     Influence(
-        "dead bands that differ", "of the largest thrust", MODEL, _always(0.01), _edges,
+        "dead bands that differ", "sigma", MODEL, _always(1.0), _edges,
         Remedy("measure the pulse at which each thruster starts", THRUSTER_SWEEP), near=NEAR_MODEL,
     ),
     Influence(

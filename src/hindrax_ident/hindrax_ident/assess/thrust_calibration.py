@@ -9,6 +9,7 @@ the allocation would share it, so sum b_j w_j = 1 where the thrusters serve the 
 then the error sum b_j e(w_j tau) of the thrust, over the thrusters that have the curve.
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import unit_wrench
 
 TABLE = 401
+FORCES, DRAWS = 100, 31
 DEAD_BAND_us = 5.0
 """Standard deviation of the pulse at which a thruster starts: a fifth of the dead band of its speed controller, our
 estimate (`docs/reference/worlds.md`)."""
@@ -102,6 +104,37 @@ def lost_to_dead_bands(vehicle: Vehicle, forces_N: Array, wider_us: float) -> Ar
         _lost(vehicle.curves[one.curve], force_N, wider_us)
         for one, force_N in zip(vehicle.thrusters, forces_N.tolist(), strict=True)
     ])  # fmt: skip
+
+
+def usual_losses(vehicle: Vehicle) -> list[Callable[[Array], Array]]:
+    """Loss to a dead band of one deviation, by the force (n,) of each thruster: (n,) [N], against the force.
+
+    The root of the mean square over all draws, as it is no linear function of them.
+    """
+    return [_usual_loss(vehicle.curves[one.curve]) for one in vehicle.thrusters]
+
+
+@functools.lru_cache(maxsize=16)
+def _usual_loss(curve: Curve) -> Callable[[Array], Array]:
+    runs = running(curve)
+    most_N = max(abs(one) for one in runs.range_N)
+    # Closest where a thruster starts.
+    sizes_N = most_N * np.linspace(0.0, 1.0, FORCES) ** 2
+    nodes, weights = np.polynomial.hermite_e.hermegauss(DRAWS)
+    table = {}
+    for sign in (-1.0, 1.0):
+        lost = [
+            [_lost(curve, sign * size, DEAD_BAND_us * node) for node in nodes.tolist()] for size in sizes_N.tolist()
+        ]
+        table[sign] = np.sqrt(np.square(lost) @ weights / weights.sum())
+
+    def loss(force: Array) -> Array:
+        """Of forces (n,): (n,) [N]."""
+        size = np.abs(force)
+        back, ahead = (np.interp(size, sizes_N, table[sign]) for sign in (-1.0, 1.0))
+        return array(-np.sign(force) * np.where(force < 0.0, back, ahead))
+
+    return loss
 
 
 def _lost(curve: Curve, force_N: float, wider_us: float) -> float:
