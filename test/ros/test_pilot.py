@@ -24,6 +24,7 @@ from hindrax_control.commissioning.record import geometry_hash
 from hindrax_control.maneuver.goal import Goal, Pulse
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.nodes import pilot_node
+from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_core.errors import HindraxError
@@ -35,6 +36,7 @@ from hindrax_core.vehicle import AXES, Commissioned, load_vehicle
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus, ThrusterState
 from hindrax_msgs.srv import Arm
+from hindrax_operator.nodes.idle_force import IDLE_FORCE, idle_force_times
 from hindrax_operator.nodes.operator_node import Operator
 from hindrax_operator.nodes.orders import recentre
 from hindrax_ros.graph import publisher, subscription
@@ -78,6 +80,7 @@ class Bench:
         self.pilot = PilotNode(vehicle, SupplyVoltage(vehicle.supply_V), send_wrench=lambda *_: None)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.pilot)
+        self._others: list[AllocatorNode] = []
         self._thrusters = publisher(self.operator.node, THRUSTER_STATE, held=False)
         self.estimates = publisher(self.operator.node, ESTIMATE, held=False)
         self.state = ThrusterState(armed=False, state="disarmed", reason="not armed since start", pulses=[1500.0] * 8)
@@ -122,8 +125,15 @@ class Bench:
     def go_on(self) -> None:
         self.navigation = ADRIFT
 
+    def also(self, node: AllocatorNode) -> None:
+        """Turn another node with the pilot, until the end."""
+        self._executor.add_node(node)
+        self._others.append(node)
+
     def close(self) -> None:
         self._executor.shutdown()
+        for node in self._others:
+            node.destroy_node()
         self.pilot.close()
         self.pilot.destroy_node()
         self.operator.__exit__()
@@ -195,6 +205,27 @@ def test_the_plans_follow_parameters_and_thrusters_and_reach_who_comes_late(benc
     subscription(bench.operator.node, PLANS, late.append)
     bench.until(lambda: late)
     assert late[0].plans == latest(bench.operator.plans).plans
+
+
+def test_the_idle_force_is_raised_while_yaw_is_weighed_and_set_back(bench: Bench) -> None:
+    allocator = AllocatorNode(load_vehicle(default_vehicle()))
+    bench.also(allocator)
+
+    def idle_N() -> float:
+        return float(allocator.get_parameter(IDLE_FORCE).value)
+
+    told: list[str] = []
+    allocator.set_parameters([Parameter(IDLE_FORCE, value=3.0)])
+    with idle_force_times(bench.operator, 2.0, told.append):
+        assert idle_N() == 6.0
+    assert idle_N() == 3.0
+    with idle_force_times(bench.operator, 1.0, told.append):
+        assert idle_N() == 3.0
+    assert told == []
+    with idle_force_times(bench.operator, 20.0, told.append):
+        assert idle_N() == 3.0, "it is refused"
+    (sentence,) = told
+    assert "idle force left as it is (the allocator refused idle_bias_N 60: " in sentence
 
 
 def estimate(stamp: Stamp, motion: str = "surge", values: tuple[float, float] = (66.1, 1.3)) -> Stamped[Estimate]:

@@ -179,7 +179,7 @@ def test_thrusters_that_idle_near_their_dead_bands_make_a_gain_uncertain() -> No
     # Just above the least force of a thruster that runs, 1.2 N, and well beyond it.
     near, beyond = (weighed(1.3 + float(shares.max()) * 2.25 + more_N) for more_N in (0.0, 2.0))
     assert near.contributions[source] > 2.0 * beyond.contributions[source]
-    assert "larger allocation.idle_bias_N" in near.refused
+    assert "larger idle_bias_N of the allocator" in near.refused
     assert beyond.refused == ""
 
 

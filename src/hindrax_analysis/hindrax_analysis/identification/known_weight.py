@@ -57,8 +57,8 @@ SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "
 OTHER_AXES, DIFFERENT = "thrust on other axes", "dead bands that differ"
 BETTER = {
     OTHER_AXES: "lead the line so that it acts along the axis alone; yaw takes two lines that pull opposite ways",
-    DIFFERENT: "weigh with a larger load, or with a larger allocation.idle_bias_N, so that every thruster pushes well "
-    "beyond its dead band",
+    DIFFERENT: "weigh with a larger load, or with a larger idle_bias_N of the allocator, so that every thruster pushes "
+    "well beyond its dead band",
 }
 """What to do about a source, where a larger load is no help."""
 LARGER = "weigh with a larger load, for longer, and with the tether slack"

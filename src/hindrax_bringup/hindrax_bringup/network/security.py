@@ -27,7 +27,7 @@ ARM, FLY, RUN, ASSESS = "thrusters/arm", "maneuver/fly", "ident/run", "ident/ass
 RECENTRE = "maneuver/recentre"
 SESSION, ANSWER = "session/run", "session/answer"
 CANCEL = f"{FLY}/_action/cancel_goal"
-IDLE_FORCE = ("pilot/get_parameters", "pilot/set_parameters")
+IDLE_FORCE = ("allocator/get_parameters", "allocator/set_parameters")
 """While yaw is weighed."""
 FOREIGN = (f"{NAMESPACE}/odometry", f"{NAMESPACE}/wrench")
 """Third-party topics of the identifier, under other names when they are remapped."""

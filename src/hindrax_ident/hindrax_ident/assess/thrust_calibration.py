@@ -107,9 +107,19 @@ def lost_to_dead_bands(vehicle: Vehicle, forces_N: Array, wider_us: float) -> Ar
 
 
 def usual_losses(vehicle: Vehicle) -> list[Callable[[Array], Array]]:
-    """Loss to a dead band of one deviation, by the force (n,) of each thruster: (n,) [N], against the force.
+    """Loss to a dead band of one deviation: the root of the mean square over all draws.
 
-    The root of the mean square over all draws, as it is no linear function of them.
+    The loss is no linear function of the draw.
+
+    Parameters
+    ----------
+    vehicle
+        Thrusters and curves.
+
+    Returns
+    -------
+    list
+        For each thruster a function of its forces (n,) [N] to what they lose, (n,) [N], against the force.
     """
     return [_usual_loss(vehicle.curves[one.curve]) for one in vehicle.thrusters]
 
