@@ -24,7 +24,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.joint_assessment import JointMotion, JointResults
-from hindrax_ident.assess.objections import Code, objection
+from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.results import MotionResult, Results
 
 T = array(np.arange(0.0, 60.0, 0.05))
@@ -140,6 +140,16 @@ def test_means_are_no_record_for_a_fit_of_all() -> None:
     assert why == "the velocities are means over time, which a fit of all axes together does not know: left out"
     assert (mean_found(known).code, mean_found(known).numbers) == (Code.JOINT_OF_MEANS, MEAN.numbers)
     assert not mean_found(alone)
+
+
+@pytest.mark.parametrize("found", [objection(Code.LATE_STOPS, later_s=0.4), objection(Code.RAMPING_THRUST, ramp_s=0.8)])
+def test_thrust_that_is_no_lag_is_none_for_a_fit_of_all(found: Objection) -> None:
+    alone = results(surge={}, heave_down={})
+    motions = {**alone.motions, "surge": replace(alone.motions["surge"], warnings=(found,))}
+    source = RecordSource(Path("a.csv"), pushed(sines(3)))
+    wanted, why = wants_joint_fit([source], IdentificationTask(), replace(alone, motions=motions))
+    assert not wanted
+    assert "more than a lag of its command" in why
 
 
 def test_nothing_of_means_is_identified_by_a_fit_of_all_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

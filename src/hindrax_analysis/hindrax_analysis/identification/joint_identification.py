@@ -107,6 +107,11 @@ def wants_joint_fit(
         return False, ""
     if alone and mean_found(alone):
         return False, "the velocities are means over time, which a fit of all axes together does not know: left out"
+    thrusts = [one.code for result in alone.motions.values() for one in result.warnings] if alone else []
+    if Code.LATE_STOPS in thrusts or Code.RAMPING_THRUST in thrusts:
+        return False, (
+            "the thrust is more than a lag of its command, which a fit of all axes together does not know: left out"
+        )
     return True, (
         f"the record pushes on about {count:.1f} axes at once (from {SEVERAL:g} on): all axes are fitted together too, "
         "with the forces that couple them; --no-joint leaves it out"

@@ -24,7 +24,10 @@ SURELY = 2.0
 """Deviations by which a number is beyond its range: of a motion that hardly was, it may be any."""
 FASTEST = (10.0, 12.0)
 """Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
-SMOOTHED = (Code.SMOOTHED_VELOCITY, Code.MEAN_VELOCITY, Code.PERHAPS_SMOOTHED)
+OF_FITS = (
+    *(Code.SMOOTHED_VELOCITY, Code.MEAN_VELOCITY, Code.PERHAPS_SMOOTHED),
+    *(Code.LATE_STOPS, Code.RAMPING_THRUST),
+)
 CONTRADICTED, LEAST_OFF = 3.0, 0.005
 """Least difference of the net buoyancy that is reported: in its deviations, and as a share of the weight."""
 INERTIA_SHARE = 0.3
@@ -170,7 +173,7 @@ def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Obj
     if not reasons:
         return result
     # What the residuals of such a fit resemble is no cause.
-    warnings = tuple(one for one in result.warnings if one.code not in (*CAUSES, *SMOOTHED))
+    warnings = tuple(one for one in result.warnings if one.code not in (*CAUSES, *OF_FITS))
     return replace(result, identifiable=False, reasons=(*result.reasons, *reasons), warnings=warnings)
 
 

@@ -311,7 +311,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
 
 
 def _causes(assessment: Assessment) -> tuple[Objection, ...]:
-    """Objections to what has smoothed the velocities, or may have, and to influences that the record shows."""
+    """Objections to smoothed velocities, to thrust that is no lag of its command, and to influences that it shows."""
     record, smoothed = assessment.record, list[Objection]()
     if record.smoothing_s > 0.0:
         smoothed.append(objection(Code.SMOOTHED_VELOCITY, smoothing_s=record.smoothing_s))
@@ -320,6 +320,10 @@ def _causes(assessment: Assessment) -> tuple[Objection, ...]:
         smoothed.append(objection(Code.MEAN_VELOCITY, how=how, mean_s=over_s))
     if record.filter_doubt_s > 0.0:
         smoothed.append(objection(Code.PERHAPS_SMOOTHED, filter_s=record.filter_doubt_s))
+    if record.stops_later_s > 0.0:
+        smoothed.append(objection(Code.LATE_STOPS, later_s=record.stops_later_s))
+    if record.ramps_s > 0.0:
+        smoothed.append(objection(Code.RAMPING_THRUST, ramp_s=record.ramps_s))
     return (*smoothed, *assessment.budget.warnings())
 
 
@@ -521,7 +525,8 @@ def _quality(assessment: Assessment) -> dict[str, float]:
         "lag_s": assessment.record.lag_s,
         "latency_s": assessment.record.latency_s,
     }
-    filters_s = {name: getattr(assessment.record, name) for name in ("smoothing_s", "filter_doubt_s", "filter_hint_s")}
+    names = "smoothing_s", "filter_doubt_s", "filter_hint_s", "stops_later_s", "ramps_s"
+    filters_s = {name: getattr(assessment.record, name) for name in names}
     if means := assessment.record.means:
         filters_s["mean_over_s" if len(means) == 1 else "flat_over_s"] = means[0][1]
     out |= {name: time_s for name, time_s in filters_s.items() if time_s > 0.0}

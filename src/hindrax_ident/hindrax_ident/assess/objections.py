@@ -73,6 +73,8 @@ class Code(StrEnum):
     SMOOTHED_VELOCITY = "smoothed_velocity"
     MEAN_VELOCITY = "mean_velocity"
     PERHAPS_SMOOTHED = "perhaps_smoothed"
+    LATE_STOPS = "late_stops"
+    RAMPING_THRUST = "ramping_thrust"
     EVIDENCE = "evidence"
     UNEXPLAINED_RESIDUALS = "unexplained_residuals"
     UNSEEN = "unseen"
@@ -155,6 +157,10 @@ SENTENCES: Mapping[Code, str] = {
     "the instrument gives it",
     Code.PERHAPS_SMOOTHED: "the velocity looks smoothed, as by a filter of {filter_s:.2g} s that cannot be undone "
     "here, which is in the uncertainty: record it as the instrument gives it",
+    Code.LATE_STOPS: "the thrust goes {later_s:.2g} s later than it comes, as of propellers that turn on, which the "
+    "fit knows: measure both by `./hindrax step`",
+    Code.RAMPING_THRUST: "the thrust ramps, {ramp_s:.2g} s from zero to its largest, which the fit knows: record it "
+    "behind what limits its rate",
     Code.EVIDENCE: "evidence of {influence} ({shown} {unit}): {remedy}",
     Code.UNEXPLAINED_RESIDUALS: "no influence explains the residuals; the nearest, {influence} ({shown} {unit}), is "
     "{times:.0f} times the size in a pool: it is part of the uncertainty, but hardly the cause",

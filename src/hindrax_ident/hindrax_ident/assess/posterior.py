@@ -27,6 +27,8 @@ UNIFORM_OVER_NORMAL = math.sqrt(math.tau / 12.0)
 """Density of a uniform distribution over that of the normal one of its mean and deviation, at the mean."""
 STAND_IN = 3.0
 """Prior deviations beyond which an influence stands in for what no row has: its size counts, and not its sign."""
+GAIN = -0.5
+"""Loss, in its prior deviations, below which it is a gain: that stands in for what no row has as well."""
 LOSSLESS = 0.25
 """Probability that a force that nobody computed from thrusters has no losses: a simulation has none, and one that was
 measured in the water is free of them. With it both hold: records without any, and of propellers in MuJoCo (ADR 31)."""
@@ -112,9 +114,10 @@ def _either_way(influences: Array, loss: Array) -> Array:
 
     A record that contradicts the model is explained by whatever row resembles the contradiction most, at many times
     what that row may be: curves of other thrusters, by an exponent of the drag of one. That is no known effect to
-    correct (GUM 3.2.4); the coefficients may be wrong by as much, in either direction.
+    correct (GUM 3.2.4); the coefficients may be wrong by as much, in either direction. So is a loss that gives: an
+    inflow that added thrust took 20 % onto the drag of a vehicle whose thrust lags by 0.3 s.
     """
-    far = (np.abs(influences) > STAND_IN) & (loss == 0.0)
+    far = np.where(loss > 0.0, influences < GAIN, np.abs(influences) > STAND_IN)
     far[::2] = False
     return np.where(far, -influences, influences)
 

@@ -18,6 +18,7 @@ import numpy as np
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.delay import fit_with_delays, search_delay
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
+from hindrax_ident.fit.uneven_thrust import ramping, stopping_later
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.records.axis_record import Record, Series
@@ -97,6 +98,10 @@ class _Kind(NamedTuple):
 
 FILTER = _Kind((0.3, 0.45, 0.68, 1.0, 1.5, 2.3, 3.4), 1.0, unsmoothed, _behind_filter)
 MEAN = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), averaged, _as_means)
+STOPS = _Kind((0.15, 0.25, 0.4, 0.65, 1.0), 1.0, stopping_later, _as_means)
+RAMP = _Kind((0.3, 0.5, 0.8, 1.2, 1.8), 1.0, ramping, _as_means)
+OF_THRUST = (STOPS, RAMP)
+"""No smoothing, but what looks like it: thrust that follows its command otherwise than by a lag."""
 FLAT = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), flattened, _as_means)
 """Each time is 1.5 of the one before, for an error of one by a third is clearly seen."""
 
@@ -136,7 +141,7 @@ def with_smoothing(
     if not suspect or fit.problem.main != 0:
         return record, fit
     search = _Search(record, fit, model, prior, sigma_s)
-    found = {kind: search.coarse(kind) for kind in (FILTER, MEAN)}
+    found = {kind: search.coarse(kind) for kind in (FILTER, MEAN, *OF_THRUST)}
     none = found[MEAN][0]
     # What is nearly alike is far off as well.
     if search.best(found[MEAN]).error < HINT * none.error:
@@ -151,7 +156,7 @@ def with_smoothing(
     # Thrust that ramps looks like a filter, and without it moves a body that is too light, and before its command.
     # Where the velocities of other axes were smoothed as well, their forces act late, with the same signs. One axis
     # alone does not tell which.
-    in_doubt = replace(record, filter_doubt_s=best.time_s / kind.spread), fit
+    in_doubt = (record, fit) if kind in OF_THRUST else (replace(record, filter_doubt_s=best.time_s / kind.spread), fit)
     try:
         known, better = fit_with_delays(kind.without(record, best.time_s), best.theta, model, prior, sigma_s)
     except ValueError:
@@ -183,6 +188,8 @@ class _Search:
             if one is None or one.error > FAR * self.best(tried).error:
                 break
             tried.append(one)
+            if kind in OF_THRUST and self.best(tried) not in tried[-2:]:
+                break
         return tried
 
     def fine(self, kind: _Kind, coarse: Sequence[_Tried]) -> _Tried:

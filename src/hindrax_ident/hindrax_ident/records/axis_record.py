@@ -179,6 +179,10 @@ class Record:
     means: tuple[tuple[float, float], ...] = ()
     """Each velocity is a sum of means of the motion about its time: share of each, and over how long [s]; empty: it is
     that of the moment."""
+    stops_later_s: float = 0.0
+    """Lag by which the thrust goes later than it comes, which `thrust` has; 0: none."""
+    ramps_s: float = 0.0
+    """Time from zero to the largest thrust, where it ramps, which `thrust` has; 0: none."""
     ranged: bool = False
     """Whether the position is a range to a wall: then its scale is that of the sonar and of the wall's angle."""
     supply_measured: bool = False

@@ -1,0 +1,98 @@
+"""Thrust that follows its command otherwise than by a first-order lag: it goes later than it comes, or it ramps.
+
+A propeller that is let go turns on in its own wake, and many drives limit how fast a command may change. A fit that
+knows one lag alone takes the difference for mass: of 8 kg of water none was left (+- 1.7 kg), and an inflow loss that
+was none took 27 % off the drag. Both are changes of the command before its lag, so a fit computes them exactly.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.records.axis_record import Record, Series
+
+STEPS, LEAST_STEP_S = 8.0, 0.01
+"""Steps in which a change is computed within its time, none shorter than this."""
+
+
+def of_stops(y: Array) -> Array:
+    """Part of commands that is thrust which goes: the sum of all changes toward zero. The rest is what comes.
+
+    Parameters
+    ----------
+    y : (n,) [N, N m]
+        Commands, in time order; of a reversal the part up to zero goes.
+
+    Returns
+    -------
+    Array
+        (n,) [N, N m].
+    """
+    before = np.append(0.0, y[:-1])
+    kept = np.where(before * y > 0.0, np.sign(y) * np.minimum(np.abs(y), np.abs(before)), 0.0)
+    return array(np.cumsum(kept - before))
+
+
+def stopping_later(record: Record, time_s: float) -> Record:
+    """Give thrust that goes a lag of its own, beside that of both.
+
+    Parameters
+    ----------
+    record
+        Of one axis.
+    time_s : [s]
+        By which it goes later than it comes.
+
+    Returns
+    -------
+    Record
+        With the mean of such a thrust in each of fine steps.
+    """
+    t, y = record.thrust.t, record.thrust.y
+    begins, ends = _grid(t, time_s)
+    part = of_stops(y)
+    late, now = (LaggedThrust(t, part, lag_s) for lag_s in (time_s, 0.0))
+    off = (late.impulse(ends) - late.impulse(begins)) - (now.impulse(ends) - now.impulse(begins))
+    held = y[np.searchsorted(t, begins, side="right") - 1]
+    return replace(record, thrust=Series(begins, array(held + off / (ends - begins))), stops_later_s=time_s)
+
+
+def ramping(record: Record, time_s: float) -> Record:
+    """Limit the rate of the thrust.
+
+    Parameters
+    ----------
+    record
+        Of one axis.
+    time_s : [s]
+        From zero to the largest thrust.
+
+    Returns
+    -------
+    Record
+        With the mean of such a thrust in each of fine steps.
+    """
+    t, y = record.thrust.t, record.thrust.y
+    begins, ends = _grid(t, time_s)
+    rate = max(1e-9, float(np.abs(y).max(initial=0.0))) / time_s
+    reached, out = float(y[0]), []
+    held = y[np.searchsorted(t, begins, side="right") - 1]
+    for command, most in zip(held.tolist(), (rate * (ends - begins)).tolist(), strict=True):
+        after = reached + max(-most, min(most, command - reached))
+        out.append(0.5 * (reached + after))
+        reached = after
+    return replace(record, thrust=Series(begins, array(out)), ramps_s=time_s)
+
+
+def _grid(t: Array, time_s: float) -> tuple[Array, Array]:
+    """Begins and ends (n,) [s] of the steps: the commands (m,), and between them what the time needs."""
+    step_s = max(LEAST_STEP_S, time_s / STEPS)
+    # In a long pause, only as long as something changes.
+    most = int(5.0 * STEPS)
+    counts = np.clip(np.ceil(np.diff(t) / step_s), 1, most).astype(int)
+    starts, sizes = np.repeat(t[:-1], counts), np.repeat(np.minimum(np.diff(t) / counts, step_s), counts)
+    within = np.arange(len(starts)) - np.repeat(np.cumsum(counts) - counts, counts)
+    begins = np.append(starts + within * sizes, t[-1] + step_s * np.arange(most))
+    return array(begins), array(np.append(begins[1:], begins[-1] + step_s))
