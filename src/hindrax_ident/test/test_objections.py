@@ -101,7 +101,7 @@ SAID = {
     ): "the velocity looks smoothed, as by a filter of 0.98 s that cannot "
     "be undone here, which is in the uncertainty: record it as the instrument gives it",
     objection(Code.LATE_STOPS, later_s=0.448): "the thrust goes 0.45 s later than it comes, as of propellers that turn "
-    "on, which the fit knows: measure both by `./hindrax step`",
+    "on, which the fit knows: speed controllers that brake make it shorter",
     objection(Code.RAMPING_THRUST, ramp_s=0.75): "the thrust ramps, 0.75 s from zero to its largest, which the fit "
     "knows: record it behind what limits its rate",
     objection(Code.JOINT_OF_MEANS, how="a moving mean", mean_s=0.98): "the velocity is smoothed, as by a moving mean "

@@ -158,7 +158,7 @@ SENTENCES: Mapping[Code, str] = {
     Code.PERHAPS_SMOOTHED: "the velocity looks smoothed, as by a filter of {filter_s:.2g} s that cannot be undone "
     "here, which is in the uncertainty: record it as the instrument gives it",
     Code.LATE_STOPS: "the thrust goes {later_s:.2g} s later than it comes, as of propellers that turn on, which the "
-    "fit knows: measure both by `./hindrax step`",
+    "fit knows: speed controllers that brake make it shorter",
     Code.RAMPING_THRUST: "the thrust ramps, {ramp_s:.2g} s from zero to its largest, which the fit knows: record it "
     "behind what limits its rate",
     Code.EVIDENCE: "evidence of {influence} ({shown} {unit}): {remedy}",
