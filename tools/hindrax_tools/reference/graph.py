@@ -8,12 +8,12 @@ from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
 from hindrax_bringup.network.security import (
+    ALLOCATOR_PARAMETERS,
     ANSWER,
     ARM,
     ASSESS,
     CANCEL,
     FLY,
-    IDLE_FORCE,
     RECENTRE,
     ROLES,
     RUN,
@@ -45,7 +45,9 @@ TYPES: Mapping[str, str] = {
     ASSESS: "std_srvs/srv/Trigger",
     RECENTRE: "hindrax_msgs/srv/Recentre",
     **{service: "std_srvs/srv/Trigger" for sensor in SENSORS for service in sensor.services},
-    **dict(zip(IDLE_FORCE, ("rcl_interfaces/srv/GetParameters", "rcl_interfaces/srv/SetParameters"), strict=True)),
+    **dict(
+        zip(ALLOCATOR_PARAMETERS, ("rcl_interfaces/srv/GetParameters", "rcl_interfaces/srv/SetParameters"), strict=True)
+    ),
     "dvl": "marine_acoustic_msgs/msg/Dvl",
     "odometry": "nav_msgs/msg/Odometry",
     "wrench": "geometry_msgs/msg/WrenchStamped",

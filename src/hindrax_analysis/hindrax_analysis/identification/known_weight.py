@@ -18,7 +18,7 @@ from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import AXES, AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.thrust_calibration import DRAWS, DEAD_BAND_us, lost_to_dead_bands, thrust_shares
+from hindrax_ident.assess.thrust_calibration import PROBABLE, lost_to_dead_bands, thrust_shares
 
 BLOCKS = 8
 """Parts of a hold whose means give the deviation of the mean of all."""
@@ -60,7 +60,7 @@ BETTER = {
     DIFFERENT: "weigh with a larger load, or with a larger idle_bias_N of the allocator, so that every thruster pushes "
     "well beyond its dead band",
 }
-"""What to do about a source, where a larger load is no help."""
+"""What to do about a source, where LARGER is no help, or not all of it."""
 LARGER = "weigh with a larger load, for longer, and with the tether slack"
 
 
@@ -300,14 +300,10 @@ def _by_dead_bands(holds: Sequence[Hold], axis: int, vehicle: Vehicle, per_balan
     shares = np.array([share for _, share in thrust_shares(vehicle, axis).values()])
     held = [hold.forces for hold in holds]
     together = [array(shares * hold.wrench[axis]) for hold in holds]
-    nodes, weights = np.polynomial.hermite_e.hermegauss(DRAWS)
-    # An error of the force is no linear function of that of the pulse: where a curve begins, all of it is lost.
-    lost = np.array([
-        [lost_to_dead_bands(vehicle, one, DEAD_BAND_us * node) for one in (*held, *together)] for node in nodes.tolist()
-    ])  # fmt: skip
-    differ = lost[:, : len(holds)] - lost[:, len(holds) :]
-    errors = effectiveness(vehicle)[axis] * np.einsum("h,dhk->dk", per_balance, differ)
-    return math.sqrt(float(weights @ np.sum(errors**2, axis=1)) / float(weights.sum()))
+    lost = np.array([lost_to_dead_bands(vehicle, one) for one in (*held, *together)])
+    differ = lost[: len(holds)] - lost[len(holds) :]
+    errors = effectiveness(vehicle)[axis] * np.einsum("h,hdk->dk", per_balance, differ)
+    return math.sqrt(float(PROBABLE @ np.sum(errors**2, axis=1)))
 
 
 def _deviations(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics) -> Array:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_analysis.records.recording import Recording
+from hindrax_core.text.digits import stretches_told
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, array, stretches_of
 from hindrax_ident.model.thrust_lag import LaggedThrust
@@ -119,8 +120,7 @@ def _left_out(recording: Recording, axis: int, spans: list[tuple[float, float]],
         if axis == HEAVE:
             attitude[_inside(recording.attitude_t, begin_s, end_s), 2] = np.nan
     lasts_s = sum(end_s - begin_s for begin_s, end_s in spans)
-    several = f"{len(spans)} stretches, the first" if len(spans) > 1 else "one stretch,"
-    note = f"{AXES[axis]}: {lasts_s:.3g} s {what}: left out ({several} after {spans[0][0]:.4g} s)"
+    note = f"{AXES[axis]}: {lasts_s:.3g} s {what}: left out ({stretches_told([begin_s for begin_s, _ in spans])})"
     assumptions = (*recording.assumptions, note)
     return replace(recording, velocity=velocity, attitude=attitude, way=way, assumptions=assumptions)
 
@@ -158,11 +158,11 @@ def _moved(recording: Recording, axis: int) -> tuple[Array, Array]:
     measured = np.isfinite(recording.velocity[:, axis])
     if measured.sum() >= FEWEST_STEPS or axis > HEAVE:
         return recording.velocity_t[measured], recording.velocity[measured, axis]
-    places = (recording.attitude_t, recording.attitude[:, 2]) if axis == HEAVE else None
-    if places is None or np.isfinite(recording.way[:, axis]).any():
-        places = recording.way_t, recording.way[:, axis]
-    known = np.isfinite(places[1])
-    t, x = places[0][known], places[1][known]
+    t, x = recording.way_t, recording.way[:, axis]
+    if axis == HEAVE and not np.isfinite(x).any():
+        t, x = recording.attitude_t, recording.attitude[:, 2]
+    known = np.isfinite(x)
+    t, x = t[known], x[known]
     every = max(1, round(STEP_S / max(1e-9, float(np.median(np.diff(t)))))) if len(t) > 1 else 1
     t, x = t[::every], x[::every]
     forward = np.diff(t) > 0.0

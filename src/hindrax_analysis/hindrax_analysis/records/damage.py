@@ -15,6 +15,7 @@ import numpy as np
 from hindrax_analysis.records.contact import without_contact
 from hindrax_analysis.records.interpolated import measured_rows
 from hindrax_analysis.records.recording import Recording, longest_hold_s
+from hindrax_core.text.digits import stretches_told
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, Index, array, stretches_of
 from hindrax_ident.records.axis_record import longest_ages_s
@@ -207,8 +208,7 @@ def _damage(t: Array, v: Array, force: Array) -> list[tuple[str, Flags]]:
 
 def _left(stretches: list[slice], t: Array) -> str:
     """Treatment of the stretches, and their times, in order."""
-    many = f"{len(stretches)} stretches, the first" if len(stretches) > 1 else "one stretch,"
-    return f"left out ({many} after {t[stretches[0].start]:.4g} s)"
+    return f"left out ({stretches_told([float(t[one.start]) for one in stretches])})"
 
 
 def _samples(stretches: list[slice], count: int) -> Flags:

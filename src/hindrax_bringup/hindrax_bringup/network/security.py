@@ -27,7 +27,7 @@ ARM, FLY, RUN, ASSESS = "thrusters/arm", "maneuver/fly", "ident/run", "ident/ass
 RECENTRE = "maneuver/recentre"
 SESSION, ANSWER = "session/run", "session/answer"
 CANCEL = f"{FLY}/_action/cancel_goal"
-IDLE_FORCE = ("allocator/get_parameters", "allocator/set_parameters")
+ALLOCATOR_PARAMETERS = ("allocator/get_parameters", "allocator/set_parameters")
 """While yaw is weighed."""
 FOREIGN = (f"{NAMESPACE}/odometry", f"{NAMESPACE}/wrench")
 """Third-party topics of the identifier, under other names when they are remapped."""
@@ -132,7 +132,7 @@ STACK: tuple[Role, ...] = (
         "operator",
         publishes=(t.HEARTBEAT, t.HOLD_SETPOINT, t.OPERATOR_WRENCH, t.THRUSTER_HEALTH_ORDER, t.LIGHTS),
         subscribes=(*_STATE, t.BATTERY),
-        requests=(ARM, CANCEL, RECENTRE, ANSWER, *IDLE_FORCE),
+        requests=(ARM, CANCEL, RECENTRE, ANSWER, *ALLOCATOR_PARAMETERS),
         calls=(FLY, RUN, SESSION),
     ),
     Role("session", "operator", serves=(ANSWER,), executes=(SESSION,)),

@@ -1,6 +1,7 @@
 """Significant digits of a number, by its standard deviation or by the limit that it exceeds."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 TWO_SIDED_95 = 1.96
@@ -103,3 +104,20 @@ def below(words: str, found: float, least: float, places: int) -> str:
         The words with both numbers; empty where `found` is not below `least`, or not a number.
     """
     return words.format(*unlike(found, least, places)) if found < least else ""
+
+
+def stretches_told(begins_s: Sequence[float]) -> str:
+    """Say how many stretches of a record there are, and where the first is.
+
+    Parameters
+    ----------
+    begins_s : (n,) [s]
+        When each begins, in order; one at least.
+
+    Returns
+    -------
+    str
+        Without what they are.
+    """
+    many = f"{len(begins_s)} stretches, the first" if len(begins_s) > 1 else "one stretch,"
+    return f"{many} after {begins_s[0]:.4g} s"

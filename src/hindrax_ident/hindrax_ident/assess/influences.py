@@ -137,9 +137,14 @@ def _calibration(case: AxisFit) -> Array:
 
 def _unweighed(case: AxisFit, thrust: Array, error: Callable[[Array], Array]) -> Array:
     """Rest of an error of the thrust, (n,) to (n, k), beside the gain that a known weight showed with it."""
-    out, gain = error(thrust), case.weighing
+    return error(thrust) - _shown(case, thrust, error)
+
+
+def _shown(case: AxisFit, thrust: Array, error: Callable[[Array], Array]) -> Array:
+    """Part of an error of the thrust, (n,) to (n, k), that is in the gain which a known weight showed."""
+    out, gain = array(np.zeros((len(thrust), 1))), case.weighing
     for sign in case.weighed:
-        out = out - np.maximum(0.0, sign * thrust)[:, None] * error(array([sign * gain.load])) / gain.load
+        out = out + np.maximum(0.0, sign * thrust)[:, None] * error(array([sign * gain.load])) / gain.load
     return out
 
 
@@ -249,8 +254,8 @@ def _edges(case: AxisFit) -> Array:
         """Of thrusters that share a thrust (n,): (n, k)."""
         return np.stack([d * usual[i](share * y) for i, (d, share) in shares.items()], axis=1)
 
-    shown = _unweighed(case, case.record.thrust.y, together) - together(case.record.thrust.y)
-    impulses = case.of_commands(columns, forces.t) + case.of_commands(shown)
+    shown = case.of_commands(_shown(case, case.record.thrust.y, together))
+    impulses = case.of_commands(columns, forces.t) - shown
     U, sizes, _ = np.linalg.svd(impulses, full_matrices=False)
     return array((U * sizes)[:, :MOST_EDGES])
 

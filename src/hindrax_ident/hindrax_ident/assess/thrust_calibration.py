@@ -21,10 +21,13 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import unit_wrench
 
 TABLE = 401
-FORCES, DRAWS = 100, 31
 DEAD_BAND_us = 5.0
 """Standard deviation of the pulse at which a thruster starts: a fifth of the dead band of its speed controller, our
 estimate (`docs/reference/worlds.md`)."""
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(31)
+WIDER_us, PROBABLE = DEAD_BAND_us * _NODES, _WEIGHTS / _WEIGHTS.sum()
+"""Dead bands that may be, (d,), and their probabilities: what is lost is no linear function of them."""
+FORCES = 100
 ROUNDING = 1e-9
 """Of the largest force: where thrusters cancel on an axis, a sum is left whose sign depends on the computer."""
 
@@ -81,7 +84,7 @@ def thrust_shares(vehicle: Vehicle, axis: int) -> dict[int, tuple[float, float]]
     return {i: (float(B[axis, i]), float(share[i])) for i in range(B.shape[1])}
 
 
-def lost_to_dead_bands(vehicle: Vehicle, forces_N: Array, wider_us: float) -> Array:
+def lost_to_dead_bands(vehicle: Vehicle, forces_N: Array) -> Array:
     """What each thruster gives less at the pulse for a force, if its dead band is wider and its curve begins later.
 
     Near the dead band that is much of the force, and all of it where the curve begins with a leap.
@@ -92,18 +95,14 @@ def lost_to_dead_bands(vehicle: Vehicle, forces_N: Array, wider_us: float) -> Ar
         Thrusters and curves.
     forces_N : (k,) [N]
         One of each thruster, along its direction.
-    wider_us : [us]
-        On both sides; negative: narrower.
 
     Returns
     -------
     Array
-        (k,) [N], with the sign of the force.
+        (d, k) [N], with the sign of the force, for each of `WIDER_us`.
     """
-    return array([
-        _lost(vehicle.curves[one.curve], force_N, wider_us)
-        for one, force_N in zip(vehicle.thrusters, forces_N.tolist(), strict=True)
-    ])  # fmt: skip
+    pairs = zip(vehicle.thrusters, forces_N.tolist(), strict=True)
+    return np.stack([_lost(vehicle.curves[one.curve], force_N) for one, force_N in pairs], axis=1)
 
 
 def usual_losses(vehicle: Vehicle) -> list[Callable[[Array], Array]]:
@@ -126,17 +125,11 @@ def usual_losses(vehicle: Vehicle) -> list[Callable[[Array], Array]]:
 
 @functools.lru_cache(maxsize=16)
 def _usual_loss(curve: Curve) -> Callable[[Array], Array]:
-    runs = running(curve)
-    most_N = max(abs(one) for one in runs.range_N)
+    most_N = max(abs(one) for one in running(curve).range_N)
     # Closest where a thruster starts.
     sizes_N = most_N * np.linspace(0.0, 1.0, FORCES) ** 2
-    nodes, weights = np.polynomial.hermite_e.hermegauss(DRAWS)
-    table = {}
-    for sign in (-1.0, 1.0):
-        lost = [
-            [_lost(curve, sign * size, DEAD_BAND_us * node) for node in nodes.tolist()] for size in sizes_N.tolist()
-        ]
-        table[sign] = np.sqrt(np.square(lost) @ weights / weights.sum())
+    lost = {sign: np.array([_lost(curve, force) for force in (sign * sizes_N).tolist()]) for sign in (-1.0, 1.0)}
+    table = {sign: np.sqrt(one**2 @ PROBABLE) for sign, one in lost.items()}
 
     def loss(force: Array) -> Array:
         """Of forces (n,): (n,) [N]."""
@@ -147,16 +140,17 @@ def _usual_loss(curve: Curve) -> Callable[[Array], Array]:
     return loss
 
 
-def _lost(curve: Curve, force_N: float, wider_us: float) -> float:
-    """Of one thruster [N]. One that turns the other way round has the pulses reflected, and loses the same."""
-    if force_N == 0.0:
-        return 0.0
+def _lost(curve: Curve, force_N: float) -> Array:
+    """Of one thruster: (d,) [N]. One that turns the other way round has the pulses reflected, and loses the same."""
     runs = running(curve)
     branch, sign = (runs.positive, 1.0) if force_N > 0.0 else (runs.negative, -1.0)
     pulse_us = branch.inverse()(force_N)
     now_N = branch.force_N(pulse_us)
+    if force_N == 0.0 or now_N == 0.0:
+        return np.zeros(len(WIDER_us))
     # A mean below the least force of one that runs is of one that runs for a part of the time.
-    return force_N * (1.0 - runs.force_N(pulse_us - sign * wider_us) / now_N) if now_N else 0.0
+    left = [runs.force_N(pulse_us - sign * wider_us) / now_N for wider_us in WIDER_us.tolist()]
+    return force_N * (1.0 - array(np.array(left)))
 
 
 def _branch_modes(curve: Curve, allocation: list[tuple[float, float]]) -> list[ThrustErrorMode]:

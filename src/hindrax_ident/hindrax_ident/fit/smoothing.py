@@ -5,7 +5,8 @@ times the true one, and of its residuals an inflow loss that is none. Three kind
 filter did, as that of an estimator, is undone exactly, v = y + T y', at the price of noise. What a moving average
 leaves, or a filter forward and backward, is computed from the motion of the fit (`mean_velocities`); with a latency it
 is one of the past. Which kind and how long is told by the fit of what was before: its motion, smoothed again, is nearer
-to the record than without any. A thrust lag leaves no such gain.
+to the record than without any. A thrust lag leaves no such gain; thrust that is more than a lag looks like smoothing,
+and is looked for with it (`uneven_thrust`).
 """
 
 import math
@@ -98,12 +99,12 @@ class _Kind(NamedTuple):
 
 FILTER = _Kind((0.3, 0.45, 0.68, 1.0, 1.5, 2.3, 3.4), 1.0, unsmoothed, _behind_filter)
 MEAN = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), averaged, _as_means)
+FLAT = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), flattened, _as_means)
+"""Each time is 1.5 of the one before, for an error of one by a third is clearly seen."""
 STOPS = _Kind((0.15, 0.25, 0.4, 0.65, 1.0), 1.0, stopping_later, _as_means)
 RAMP = _Kind((0.3, 0.5, 0.8, 1.2, 1.8), 1.0, ramping, _as_means)
 OF_THRUST = (STOPS, RAMP)
 """No smoothing, but what looks like it: thrust that follows its command otherwise than by a lag."""
-FLAT = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), flattened, _as_means)
-"""Each time is 1.5 of the one before, for an error of one by a third is clearly seen."""
 
 
 class _Tried(NamedTuple):
@@ -133,9 +134,10 @@ def with_smoothing(
     Returns
     -------
     tuple[Record, OutputErrorFit]
-        The record without its filter (`smoothing_s`), or of means (`means`), and its fit; both as they were where
-        there is none. But for the doubt (`filter_doubt_s`) where the record has one, and without it the body could not
-        be, and for the hint (`filter_hint_s`) of a filter that explains little.
+        The record without its filter (`smoothing_s`), of means (`means`), or with thrust that is more than a lag
+        (`stops_later_s`, `ramps_s`), and its fit; both as they were where there is none. But for the doubt
+        (`filter_doubt_s`) where the record has one, and without it the body could not be, and for the hint
+        (`filter_hint_s`) of a filter that explains little.
     """
     suspect = record.lag_s >= SUSPECT_LAG_S or record.lag_s + record.latency_s < EARLY_S
     if not suspect or fit.problem.main != 0:
@@ -153,7 +155,7 @@ def with_smoothing(
         likely = hint.error < HINT * none.error
         return (replace(record, filter_hint_s=hint.time_s), fit) if likely else (record, fit)
     best = search.fine(kind, found[kind])
-    # Thrust that ramps looks like a filter, and without it moves a body that is too light, and before its command.
+    # What is no such thing may look like it, and without it moves a body that is too light, and before its command.
     # Where the velocities of other axes were smoothed as well, their forces act late, with the same signs. One axis
     # alone does not tell which.
     in_doubt = (record, fit) if kind in OF_THRUST else (replace(record, filter_doubt_s=best.time_s / kind.spread), fit)

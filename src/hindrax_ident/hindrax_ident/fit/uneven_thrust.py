@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record, Series
 
@@ -51,12 +51,11 @@ def stopping_later(record: Record, time_s: float) -> Record:
         With the mean of such a thrust in each of fine steps.
     """
     t, y = record.thrust.t, record.thrust.y
-    begins, ends = _grid(t, time_s)
-    part = of_stops(y)
-    late, now = (LaggedThrust(t, part, lag_s) for lag_s in (time_s, 0.0))
-    off = (late.impulse(ends) - late.impulse(begins)) - (now.impulse(ends) - now.impulse(begins))
-    held = y[np.searchsorted(t, begins, side="right") - 1]
-    return replace(record, thrust=Series(begins, array(held + off / (ends - begins))), stops_later_s=time_s)
+    begins, steps_s, at = _grid(t, time_s)
+    goes = of_stops(y)
+    late = LaggedThrust(t, goes, time_s)
+    going = (late.impulse(begins + steps_s) - late.impulse(begins)) / steps_s
+    return replace(record, thrust=Series(begins, array((y - goes)[at] + going)), stops_later_s=time_s)
 
 
 def ramping(record: Record, time_s: float) -> Record:
@@ -74,20 +73,22 @@ def ramping(record: Record, time_s: float) -> Record:
     Record
         With the mean of such a thrust in each of fine steps.
     """
-    t, y = record.thrust.t, record.thrust.y
-    begins, ends = _grid(t, time_s)
+    y = record.thrust.y
+    begins, steps_s, at = _grid(record.thrust.t, time_s)
     rate = max(1e-9, float(np.abs(y).max(initial=0.0))) / time_s
     reached, out = float(y[0]), []
-    held = y[np.searchsorted(t, begins, side="right") - 1]
-    for command, most in zip(held.tolist(), (rate * (ends - begins)).tolist(), strict=True):
+    for command, most in zip(y[at].tolist(), (rate * steps_s).tolist(), strict=True):
         after = reached + max(-most, min(most, command - reached))
         out.append(0.5 * (reached + after))
         reached = after
     return replace(record, thrust=Series(begins, array(out)), ramps_s=time_s)
 
 
-def _grid(t: Array, time_s: float) -> tuple[Array, Array]:
-    """Begins and ends (n,) [s] of the steps: the commands (m,), and between them what the time needs."""
+def _grid(t: Array, time_s: float) -> tuple[Array, Array, Index]:
+    """Begins and lengths (n,) [s] of steps: at the commands (m,), and between them as fine as the time needs.
+
+    Third, the index (n,) of the command in force.
+    """
     step_s = max(LEAST_STEP_S, time_s / STEPS)
     # In a long pause, only as long as something changes.
     most = int(5.0 * STEPS)
@@ -95,4 +96,5 @@ def _grid(t: Array, time_s: float) -> tuple[Array, Array]:
     starts, sizes = np.repeat(t[:-1], counts), np.repeat(np.minimum(np.diff(t) / counts, step_s), counts)
     within = np.arange(len(starts)) - np.repeat(np.cumsum(counts) - counts, counts)
     begins = np.append(starts + within * sizes, t[-1] + step_s * np.arange(most))
-    return array(begins), array(np.append(begins[1:], begins[-1] + step_s))
+    steps_s = np.append(np.diff(begins), step_s)
+    return array(begins), array(steps_s), np.searchsorted(t, begins, side="right") - 1

@@ -15,6 +15,7 @@ import math
 
 import numpy as np
 
+from hindrax_core.text.digits import stretches_told
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, array
 
@@ -71,8 +72,7 @@ def notes_on_turns(t: Array, attitude: Array) -> list[str]:
         lasts_s = sum(
             min(float(t[-1]), last + AROUND_S) - begin for begin, (_, last) in zip(begins_s, runs, strict=True)
         )
-        several = f"{len(runs)} stretches, the first" if len(runs) > 1 else "one stretch,"
-        where = f"{lasts_s:.3g} s ({several} after {begins_s[0]:.4g} s)"
+        where = f"{lasts_s:.3g} s ({stretches_told(begins_s)})"
         found.setdefault(where, []).append(AXES[axis])
     return [
         f"{', '.join(names)}: turned over by more than 45 deg, or soon, for {where}: left out where axes are fitted "
