@@ -152,8 +152,10 @@ def test_forces_are_those_of_the_curves_at_the_logged_voltage(log: Path) -> None
 
 
 def test_without_thrusters_the_remedy_is_named(log: Path) -> None:
-    with pytest.raises(UsageError, match="name a vehicle file with thrusters"):
+    with pytest.raises(UsageError, match=r"name (a vehicle file with thrusters|the vehicle by --vehicle: bluerov2, b)"):
         read_log(log, None)
+    with pytest.raises(UsageError, match="name a vehicle file with thrusters"):
+        read_log(log, replace(ROV, thrusters=()))
 
 
 @pytest.mark.parametrize("ending", list(LOGS))

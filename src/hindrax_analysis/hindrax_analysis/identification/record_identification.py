@@ -12,6 +12,7 @@ from hindrax_analysis.identification.bag_identification import Identified, ident
 from hindrax_analysis.identification.executor import HERE, Workers
 from hindrax_analysis.records import plausibility
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
+from hindrax_analysis.records.blueos_recording import recordings
 from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.own_bag import bag_events, is_mock, truth_in
@@ -154,8 +155,8 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
     if bag.suffix.lower() in CSV_ENDINGS:
         found = read_records(_text(bag), str(bag), wanted.frame, part=part, vehicle=vehicle)
         return [RecordSource(bag, one) for one in found]
-    if bag.suffix.lower() in ENDINGS:
-        return [RecordSource(bag, one) for one in read_log(bag, vehicle)]
+    if logs := [bag] if bag.suffix.lower() in ENDINGS else recordings(bag):
+        return [RecordSource(log, one) for log in logs for one in read_log(log, vehicle)]
     if bag.is_file() and bag.suffix.lower() in TABLES:
         remedy = "save it as CSV, with a line of column names above (`./hindrax identify --help` lists them)"
         raise UsageError(f"{path}: is a table in a format that is not read; {remedy}")

@@ -1,4 +1,4 @@
-"""Logs of ArduPilot as tables: DataFlash .bin and telemetry .tlog, read by pymavlink.
+"""Logs of ArduPilot as tables: DataFlash .bin and telemetry .tlog, read by pymavlink, and recordings of BlueOS.
 
 Messages of the log (XKF1, NKF1, ATT, IMU, RCOU, BAT, BARO) and of MAVLink (LOCAL_POSITION_NED, ATTITUDE,
 SERVO_OUTPUT_RAW, SYS_STATUS, SCALED_PRESSURE). What the estimator says of itself counts: a velocity is data while the
@@ -24,6 +24,8 @@ from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 
+from hindrax_analysis.records import blueos_recording
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import how_to_install
 from hindrax_ident.arrays import Array, array
@@ -54,6 +56,8 @@ FIELDS: dict[str, tuple[tuple[Quantity, float, tuple[str, ...]], ...]] = {
 }
 """Message -> quantities, their factor to SI, and their fields."""
 PARAMETERS = ("PARM", "PARAM_VALUE")
+RECEIVED = (".tlog", blueos_recording.ENDING)
+"""Logs of what another computer received, stamped by its clock."""
 INSTANCES = ("C", "I", "Inst", "Instance", "port")
 """Fields that number the sensors, estimators or ports of a kind; the first of each is used."""
 HORIZONTAL, VERTICAL, CONSTANT_POSITION = 1 << 1, 1 << 2, 1 << 7
@@ -93,7 +97,7 @@ def read_starts(path: Path) -> list[ArduPilotLog]:
     Parameters
     ----------
     path
-        A .bin or .tlog file. UsageError for what is no such log.
+        A .bin or .tlog file, or a recording of BlueOS. UsageError for what is no such log.
 
     Returns
     -------
@@ -110,15 +114,16 @@ def _read_starts(path: Path, _size: int, _changed_ns: int) -> list[ArduPilotLog]
         starts, messages, strange = _starts(path)
     # Its index and its reader may both name a place.
     places = len(set(SKIPPED.findall("".join(complaints)))) + strange
+    again = "copy it again" if path.suffix.lower() in RECEIVED else "download it from the autopilot again"
     if places > 1 and not messages:
         raise UsageError(
             f"{path}: found no message that is whole, in {places} places: the beginning of a log, which defines its "
-            "messages, is missing or damaged; download it from the autopilot again"
+            f"messages, is missing or damaged; {again}"
         )
     if places > max(1.0, MOST_DAMAGED * messages):
         raise UsageError(
             f"{path}: is damaged in {places} places, with {messages} messages whose values are in doubt as well; "
-            "download it from the autopilot again"
+            f"{again}"
         )
     return [replace(one, damaged=places) for one in starts]
 
@@ -153,10 +158,12 @@ class _Message(Protocol):
 
 def _starts(path: Path) -> tuple[list[ArduPilotLog], int, int]:
     """Starts, how many messages were read, and how many of them are not as their kind is: its definition is damaged."""
-    clock = _Clock() if path.suffix.lower() == ".tlog" else None
+    ending, damage = path.suffix.lower(), Damage()
+    clock = _Clock() if ending in RECEIVED else None
     starts: list[_Rows] = []
     messages, strange, others = 0, 0, set[int]()
-    found = _messages(path) if clock is None else _of_one_vehicle(_messages(path), others)
+    read = _of_blueos(path, damage) if ending == blueos_recording.ENDING else _messages(path)
+    found = read if clock is None else _of_one_vehicle(read, others)
     stamped = (
         # Of a damaged file, a message before the first with a time has none.
         (message, float(getattr(message, "_timestamp", math.nan)) if clock is None else clock.read(message))
@@ -168,7 +175,7 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int, int]:
             _take(path, message, at_s, starts)
         except (AttributeError, TypeError, ValueError):
             strange += 1
-    left_out = tuple(sorted(others))
+    left_out, strange = tuple(sorted(others)), strange + damage.left_out
     return [ArduPilotLog(one.tables(), one.parameters, left_out) for one in starts if one.found], messages, strange
 
 
@@ -326,6 +333,11 @@ def claimed(tables: Tables) -> tuple[Array, Array] | None:
         rows[~horizontal, :2] = np.nan
         rows[(flags & VERTICAL) == 0, 2] = np.nan
     return t, array(rows)
+
+
+def _of_blueos(path: Path, damage: Damage) -> Iterator[blueos_recording.JsonMessage]:
+    wanted = {*FIELDS, *PARAMETERS}
+    return (one for one in blueos_recording.read_messages(path, damage) if one.get_type() in wanted)
 
 
 def _messages(path: Path) -> Iterator[Any]:

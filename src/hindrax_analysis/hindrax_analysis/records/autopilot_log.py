@@ -1,4 +1,4 @@
-"""Logs of autopilots: velocities, attitude, depth and pulses of ArduPilot (.bin, .tlog) or PX4 (.ulg).
+"""Logs of autopilots: velocities, attitude, depth and pulses of ArduPilot (.bin, .tlog, BlueOS) or PX4 (.ulg).
 
 Velocities are those of the autopilot's estimator, in north, east, down: they are turned into body axes by its attitude.
 Pulses become forces by the thrust curves of the vehicle file at the logged supply voltage. Without velocities, rates
@@ -23,7 +23,7 @@ from hindrax_control.allocation.thrust_curve import SERVO_US
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.text.screen_text import how_to_install
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import VEHICLE_OF_FRAME, Vehicle
 from hindrax_ident.arrays import Array, array
 
 ULOG, ULOG_MAGIC = ".ulg", b"ULog"
@@ -63,7 +63,7 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
     Parameters
     ----------
     path
-        A .bin or .tlog file.
+        A .bin, .tlog or .ulg file, or a recording of BlueOS.
     vehicle
         Converts pulses to newtons; None: not known.
 
@@ -81,6 +81,12 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
         raise UsageError(f"{path}: is empty")
     if vehicle is None or not vehicle.thrusters:
         _require_known(path)
+        if vehicle is None and path.suffix.lower() != ULOG:
+            known = ", ".join(VEHICLE_OF_FRAME.values())
+            raise UsageError(
+                f"{path}: holds pulses, and no parameter that names the frame; name the vehicle by --vehicle: {known}, "
+                "or a vehicle file with thrusters and curves"
+            )
         raise UsageError(f"{path}: holds pulses; name a vehicle file with thrusters and curves by --vehicle")
     if path.suffix.lower() == ULOG:
         # pyulog prints what is corrupt.

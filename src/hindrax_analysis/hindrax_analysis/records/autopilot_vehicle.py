@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hindrax_analysis.records.ardupilot_log import read_starts
+from hindrax_analysis.records.blueos_recording import recordings
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import VEHICLE_OF_FRAME, Thruster, Vehicle
 
@@ -90,8 +91,9 @@ def logged_wiring(paths: Sequence[Path]) -> Wiring | None:
 def logged_parameters(paths: Sequence[Path]) -> Mapping[str, float]:
     """Parameters in the first of some logs that has a frame; none where no log has one."""
     for path in paths:
-        if path.suffix.lower() in LOGS and path.is_file() and path.stat().st_size:
-            for start in read_starts(path):
+        is_log = path.suffix.lower() in LOGS and path.is_file() and path.stat().st_size
+        for log in [path] if is_log else recordings(path):
+            for start in read_starts(log):
                 if FRAME in start.parameters:
                     return start.parameters
     return {}

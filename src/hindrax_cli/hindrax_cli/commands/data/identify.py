@@ -80,8 +80,8 @@ of the only FluidPressure; forces are found as WrenchStamped or Wrench. Body axe
 --frame overrides. Stamps that step back begin another record. Where --wrench and --odometry name them, pulses
 (UInt16MultiArray, mavros RCOut and the like) become forces by the thrust curves of the vehicle file, and poses become
 velocities.
-Logs of ArduPilot (.bin, .tlog) and PX4 (.ulg) give velocities and attitude of its estimator and the pulses of the
-outputs, at the logged voltage.
+Logs of ArduPilot (.bin, .tlog, recordings of BlueOS) and PX4 (.ulg) give velocities and attitude of its estimator and
+the pulses of the outputs, at the logged voltage.
 Several records of one vehicle are pooled, and the spread between them is shown. CSV files one after the other that
 hold different columns of the same time (one file per topic, as `rostopic echo -p` or PlotJuggler write them) are one
 record. Invalid samples are left out and reported: zeros of a DVL without lock, numbers that stand for none (-32.768),
