@@ -580,3 +580,20 @@ def test_velocities_in_the_axes_of_the_world_are_found_out(desk: Desk) -> None:
     document = desk.of_small(bag)
     assert is_true(document["motions"]["surge"])
     assert any("axes of the world" in one for one in document["assumptions"])
+
+
+def test_rates_in_the_axes_of_the_world_are_found_out(tmp_path: Path) -> None:
+    """Gazebo's odometry of a link that heads west: a roll to starboard is a negative rate about x of the world."""
+    t, rolls = np.arange(0.0, 20.0, 0.05), 0.3 * np.sin(np.arange(0.0, 20.0, 0.05))
+    kind, name, rows = reported(velocity_message, ODOMETRY, (array(t), array(-0.3 * np.cos(t))), axis=3)
+    for (_, message), at, roll in zip(rows, t.tolist(), rolls.tolist(), strict=True):
+        w, x, y, z = math.cos(roll / 2.0), math.sin(roll / 2.0), 0.0, 0.0  # then half a turn: (0, 0, 1) before it
+        turned = dict(zip("xyzw", (-y, x, w, -z), strict=True))
+        message["pose"]["pose"] = {"position": {"x": -0.2 * at, "y": 0.0, "z": 0.0}, "orientation": turned}
+        message["twist"]["twist"]["linear"]["x"] = -0.2
+    pushes = reported(wrench_message, THRUST, (array(t), array(np.sin(t))), 3)
+    bag = bag_of(tmp_path / "a.mcap", [(kind, name, rows), pushes])
+    (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
+    assert found.velocity[:, 0] == pytest.approx(0.2)
+    assert found.velocity[:, 3] == pytest.approx(0.3 * np.cos(t))
+    assert any("its rates as well" in one for one in found.assumptions)

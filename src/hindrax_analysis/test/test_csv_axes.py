@@ -196,6 +196,52 @@ def test_positions_are_turned_by_a_quaternion_as_by_a_yaw() -> None:
     assert len(found.velocity)
 
 
+MOVES = array(np.column_stack([0.3 * np.sin(T / 2.0), 0.1 * np.cos(T / 3.0), SINKS]))
+TURNS = array(np.column_stack([0.1 * np.sin(T / 2.0), 0.1 * np.cos(T / 3.0), 0.2 * np.sin(T / 4.0) - 0.1]))
+
+
+def simulated(*, of_world: bool, down: bool) -> dict[str, Array]:
+    """Pose, velocities and rates of one world, as a simulator writes them; z down or up; in axes of world or body."""
+    attitudes = [Rotation.from_euler("ZYX", [2.2, 0.0, 0.0])]
+    for turn in TURNS[:-1]:
+        attitudes.append(attitudes[-1] * Rotation.from_rotvec(0.1 * turn))
+    attitude = Rotation.concatenate(attitudes)
+    places = np.cumsum(np.concatenate([np.zeros((1, 3)), 0.1 * attitude.apply(MOVES)[:-1]]), axis=0)
+    v, rates = (attitude.apply(one) if of_world else one for one in (MOVES, TURNS))
+    if down:  # the same motion in NED and FRD
+        half = Rotation.from_euler("X", np.pi)
+        places, v, rates, attitude = (*(one * [1.0, -1.0, -1.0] for one in (places, v, rates)), half * attitude * half)
+    names = {f"position_{axis}": places[:, n] for n, axis in enumerate("xy")}
+    names |= {f"linear_velocity_{axis}": v[:, n] for n, axis in enumerate("xyz")}
+    names |= {f"angular_velocity_{axis}": rates[:, n] for n, axis in enumerate("xyz")}
+    return {name: array(one) for name, one in names.items()} | quaternion("orient_{}", attitude.as_quat()) | {"X": PUSH}
+
+
+@pytest.mark.parametrize("down", [False, True])
+@pytest.mark.parametrize("of_world", [False, True])
+def test_velocities_of_the_world_under_names_of_the_body_are_found_out(of_world: bool, down: bool) -> None:
+    """Of a simulated BlueROV2 that turned as it went, all axes were refused: 'check the direction of each thruster'."""
+    found = read(simulated(of_world=of_world, down=down))
+    signs = [1.0, -1.0, -1.0] if down else [1.0, 1.0, 1.0]
+    assert found.velocity == pytest.approx(np.column_stack([MOVES * signs, TURNS * signs]), abs=1e-4)
+    said = [one for one in found.assumptions if "in the axes of the world" in one]
+    assert len(said) == 2 * of_world
+
+
+def test_a_pose_in_other_rows_tells_as_well() -> None:
+    table = simulated(of_world=True, down=False)
+    posed = [name for name in table if name.startswith(("position", "orient"))]
+    lines = [f"timestamps,{','.join(table)}"]
+    for late, named in ((0.0, True), (0.02, False)):
+        for n, t in enumerate(T):
+            cells = [f"{table[name][n]:.7f}" if (name in posed) == named else "" for name in table]
+            lines.append(f"{t + late:.3f},{','.join(cells)}")
+    (found,) = read_records(
+        "\n".join([lines[0], *sorted(lines[1:], key=lambda one: float(one.split(",")[0]))]), "x.csv"
+    )
+    assert found.velocity[2:, :3] == pytest.approx(MOVES[2:], abs=0.01)
+
+
 @pytest.mark.parametrize("turned", [np.zeros((len(T), 4)), np.tile([0.0, 0.0, 0.0, 1.0], (len(T), 1))])
 def test_a_quaternion_that_was_never_filled_in_says_nothing(turned: Array) -> None:
     found = read(ROLLS | quaternion("q{}", turned))

@@ -2,8 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from hindrax_analysis.records.bag_track import FrameErrors, compare_frames, to_body, to_world, velocities_from_poses
+from hindrax_analysis.records.bag_track import (
+    FrameErrors,
+    compare_frames,
+    compare_rates,
+    to_body,
+    to_world,
+    velocities_from_poses,
+)
 from hindrax_ident.arrays import Array, array
 
 T = array(np.arange(0.0, 60.0, 0.05))
@@ -48,6 +56,35 @@ def test_a_vehicle_that_keeps_its_heading_north_is_in_both_axes() -> None:
 
 def test_positions_that_never_change_show_nothing() -> None:
     assert compare_frames(T, np.zeros_like(P), Q, BODY) is None
+
+
+TILTS = np.column_stack([YAW, 0.2 * np.sin(0.7 * T), 0.3 * np.sin(0.5 * T)])
+ATTITUDES = Rotation.from_euler("ZYX", TILTS)
+RATES = array(np.gradient(TILTS, T, axis=0))
+OF_BODY = np.column_stack([  # Fossen 2011 eq. 2.28
+    RATES[:, 2] - np.sin(TILTS[:, 1]) * RATES[:, 0],
+    np.cos(TILTS[:, 2]) * RATES[:, 1] + np.sin(TILTS[:, 2]) * np.cos(TILTS[:, 1]) * RATES[:, 0],
+    np.cos(TILTS[:, 2]) * np.cos(TILTS[:, 1]) * RATES[:, 0] - np.sin(TILTS[:, 2]) * RATES[:, 1],
+])  # fmt: skip
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_attitudes_show_the_axes_of_the_rates(noise: float) -> None:
+    """Gazebo has them in the axes of the world; roll and pitch of a vehicle that had turned were those of neither."""
+    q, stray = array(ATTITUDES.as_quat()), noise * np.random.default_rng(1).standard_normal(OF_BODY.shape)
+    of_world, of_body = (compare_rates(T, q, array(one + stray)) for one in (to_world(array(OF_BODY), q), OF_BODY))
+    assert of_world is not None
+    assert of_world.is_world
+    assert of_body is not None
+    assert not of_body.is_world
+    assert of_body.body < 0.25 * of_body.world
+
+
+def test_rates_of_a_level_vehicle_are_in_both_axes() -> None:
+    yawing = array(np.column_stack([np.zeros((len(T), 2)), np.gradient(YAW, T)]))
+    found = compare_rates(T, array(Q), yawing)
+    assert found is not None
+    assert not found.is_world
 
 
 def test_poses_alone_make_velocities_and_rates() -> None:

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from hindrax_analysis.records.thruster_values import ThrusterValues
 from hindrax_bag.read.bag_reader import BagMessage
 from hindrax_core.messages.inputs import BOTTOM
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array, Flags, Index, array
 
 VELOCITY_TYPES = (
     "nav_msgs/msg/Odometry",
@@ -253,19 +253,57 @@ def compare_frames(t_s: Array, positions: Array, quaternions: Array, velocities:
     t, p, q, v = t_s[known], positions[known, :2], quaternions[known], np.nan_to_num(velocities[known])
     if len(t) < FEWEST_POSES or np.ptp(p) == 0.0:
         return None
-    starts = [0]
-    for i, at in enumerate(t.tolist()):
-        if at - t[starts[-1]] >= COMPARED_S:
-            starts.append(i)
-    steps = np.diff(t[starts])
-    moved = np.diff(p[starts], axis=0) / steps[:, None]
-    usual = steps < 4.0 * float(np.median(steps))
+    starts, usual = _windows(t)
+    moved = np.diff(p[starts], axis=0) / np.diff(t[starts])[:, None]
     errors = [moved - _means(t, one[:, :2], starts) for one in (v, to_world(v, q))]
     world, body, still = (float(np.mean(np.sum(one[usual] ** 2, axis=1))) for one in (*errors, moved))
     return FrameErrors(world, body, still)
 
 
-def _means(t: Array, values: Array, starts: list[int]) -> Array:
+def compare_rates(t_s: Array, quaternions: Array, rates: Array) -> FrameErrors | None:
+    """Compare rates with those of the attitudes in both frames that they may be of.
+
+    Between two samples the attitude turns by R_k' R_{k+1} about axes of the body, and by R_{k+1} R_k' about axes of the
+    world. A simulator that asks its engine for the rate of a link is given the latter (Gazebo, WorldAngularVel).
+
+    Parameters
+    ----------
+    t_s : (n,) [s]
+        Of both.
+    quaternions, rates : (n, 4), (n, 3) [rad/s]
+        Attitude and rates of an odometry.
+
+    Returns
+    -------
+    FrameErrors | None
+        Mean squares [rad^2/s^2] by assumption; None without comparable samples.
+    """
+    known = np.isfinite(rates).all(axis=1) & np.isfinite(quaternions).all(axis=1)
+    t, rates = t_s[known], rates[known]
+    if len(t) < FEWEST_POSES:
+        return None
+    turned = Rotation.from_quat(quaternions[known])
+    starts, usual = _windows(t)
+    measured, steps = _means(t, rates, starts), np.diff(t[starts])[:, None]
+    in_world, in_body = (
+        np.add.reduceat(one.as_rotvec()[: starts[-1]], starts[:-1], axis=0) / steps
+        for one in (turned[1:] * turned[:-1].inv(), turned[:-1].inv() * turned[1:])
+    )
+    errors = in_world - measured, in_body - measured, in_body
+    return FrameErrors(*(float(np.mean(np.sum(one[usual] ** 2, axis=1))) for one in errors))
+
+
+def _windows(t: Array) -> tuple[Index, Flags]:
+    """Samples at least COMPARED_S apart, and which of the times between them are no gap."""
+    starts = [0]
+    for i, at in enumerate(t.tolist()):
+        if at - t[starts[-1]] >= COMPARED_S:
+            starts.append(i)
+    steps = np.diff(t[starts])
+    return np.array(starts), steps < 4.0 * float(np.median(steps))
+
+
+def _means(t: Array, values: Array, starts: Index) -> Array:
     """Means between neighbors of `starts`, (m, k): differences of the trapezoidal integral over their times."""
     steps = np.diff(t)[:, None]
     sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * steps, axis=0)])

@@ -20,6 +20,7 @@ from hindrax_analysis.records.bag_track import (
     Track,
     are_exact,
     compare_frames,
+    compare_rates,
     quaternions_of,
     steps_back,
     tilts_of,
@@ -371,7 +372,11 @@ def _velocities(
         return velocities_from_poses(array(at_s[known]), poses[0][known], poses[1][known])
     rows = array(np.array(track.rows)[order])
     if _in_world(track, at_s, rows, poses, axes) and poses is not None:
-        rows = array(np.column_stack([to_body(rows[:, :3], poses[1]), rows[:, 3:]]))
+        moving, rates, world = to_body(rows[:, :3], poses[1]), rows[:, 3:], compare_rates(at_s, poses[1], rows[:, 3:])
+        if world is not None and world.is_world:
+            axes.notes.append(f"{track.topic}: its rates as well: its attitude changes so")
+            rates = to_body(rates, poses[1])
+        rows = array(np.column_stack([moving, rates]))
     return array(at_s), rows
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hindrax_analysis.records.bag_track import tilts_of
+from hindrax_analysis.records.bag_track import compare_frames, compare_rates, tilts_of, to_body
 from hindrax_analysis.records.csv.agreement import slope_of
 from hindrax_analysis.records.csv.columns import QUATERNION
 from hindrax_ident.arrays import Array, array
@@ -121,9 +121,61 @@ def with_velocities_of_world(columns: Mapping[str, Array]) -> tuple[dict[str, Ar
 
 def _at_all_times(t: Array, angle: Array) -> Array:
     """Angles (n,) [rad] between those that are known: rows of other instruments have none."""
-    known = np.flatnonzero(np.isfinite(angle))
+    known = np.isfinite(angle)
+    steady = angle.copy()
+    order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]
+    steady[order] = np.unwrap(angle[order])
+    return _between(t, steady)
+
+
+def with_axes_of_body(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Turn velocities and rates into body axes where pose beside them shows that they are in those of the world.
+
+    Simulators give both as their engine has them, and their names are those of body axes. Positions, attitude and
+    velocities are of one world here, whichever way its z axis points: R(roll, pitch, yaw) turns one into the other.
+
+    Parameters
+    ----------
+    columns
+        By name, (n,) each; angles in radians.
+
+    Returns
+    -------
+    tuple[dict[str, Array], tuple[str, ...]]
+        The columns, (n,) each, and what was assumed.
+    """
+    out, notes = dict(columns), []
+    if not set(columns) >= {"px", "py", "yaw"}:
+        return out, ()
+    t = columns["t"]
+    level = np.zeros_like(t)
+    angles = [_at_all_times(t, columns[one]) if one in columns else level for one in ("yaw", "pitch", "roll")]
+    if not np.isfinite(angles).all():
+        return out, ()
+    quaternions = array(Rotation.from_euler("ZYX", np.column_stack(angles)).as_quat())
+    positions = array(np.column_stack([_between(t, columns["px"]), _between(t, columns["py"]), level]))
+    for names, how in (("uvw", "positions change"), ("pqr", "attitude changes")):
+        if not set(columns) >= set(names[:2]) or (names == "pqr" and "r" not in columns):
+            continue
+        vectors = array(np.column_stack([columns.get(one, level) for one in names]))
+        found = (
+            compare_frames(t, positions, quaternions, vectors)
+            if names == "uvw"
+            else compare_rates(t, quaternions, vectors)
+        )
+        if found is not None and found.is_world:
+            body = to_body(vectors, quaternions)
+            there = [one for one in names if one in columns]
+            out |= {one: array(body[:, names.index(one)]) for one in there}
+            notes.append(f"{', '.join(there)} are in the axes of the world, as the {how}: turned by the attitude")
+    return out, tuple(notes)
+
+
+def _between(t: Array, values: Array) -> Array:
+    """Values (n,) between those that are known."""
+    known = np.flatnonzero(np.isfinite(values))
     known = known[np.argsort(t[known], kind="stable")]
-    return array(np.interp(t, t[known], np.unwrap(angle[known]))) if len(known) else angle
+    return array(np.interp(t, t[known], values[known])) if len(known) else values
 
 
 def frame_by_depth(columns: Mapping[str, Array]) -> str:

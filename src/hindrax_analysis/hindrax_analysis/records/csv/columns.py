@@ -133,14 +133,15 @@ class Meaning(NamedTuple):
 
 def _names() -> Iterator[tuple[str, str]]:
     """Names in use, in lower case, and the column of each."""
-    yield from ((name, "t") for name in ("time", "timestamp", "time_stamp", "stamp", "header_stamp", "elapsed"))
+    yield from ((name, "t") for name in ("time", "times", "timestamp", "timestamps", "time_stamp", "stamp"))
+    yield from ((name, "t") for name in ("header_stamp", "elapsed"))
     yield from (("phi", "roll"), ("theta", "pitch"), ("roll", "roll"), ("pitch", "pitch"), ("depth", "depth"))
     yield from (("psi", "yaw"), ("heading", "yaw"), ("north", "px"), ("east", "py"))
     for axis, word, column in zip("xyz", ("north", "east", "down"), ("vn", "ve", "vd"), strict=True):
         along = ("v", "vel", "velocity")
         yield from ((name, column) for name in (column, *_pairs(word, (*along, "speed")), *_pairs(word[0], along)))
         yield from ((f"{name}_ned", column) for name in (f"v{axis}", f"vel_{axis}", f"velocity_{axis}"))
-    words = ("q", "quat", "quaternion", "orientation")
+    words = ("q", "quat", "quaternion", "orientation", "orient")
     yield from ((f"{name}{gap}{part}", f"q{part}") for name in words for gap in ("", "_") for part in "wxyz")
     yield from ((name, f"p{axis}") for axis in "xy" for name in _pairs(axis, ("pos", "position")))
     for axis, word, speed, force in zip("xyz", ("surge", "sway", "heave"), "uvw", "XYZ", strict=True):

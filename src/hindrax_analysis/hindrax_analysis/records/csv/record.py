@@ -21,6 +21,7 @@ from hindrax_analysis.records.csv.axes import (
     frame_by_depth,
     with_angles,
     with_angles_of_quaternion,
+    with_axes_of_body,
     with_depths,
     with_velocities_of_world,
 )
@@ -143,6 +144,7 @@ def read_records(
         columns |= made_forces
     columns, by_angles = in_radians(columns, unnamed, vehicle.inertia if vehicle else ())
     columns, by_quaternion = with_angles_of_quaternion(columns)
+    columns, by_pose = with_axes_of_body(columns)
     columns, made, by_world = with_velocities_of_world(columns)
     # Forces of outputs are in the axes of the vehicle file, whatever those of the velocities are.
     of_messages = [*(FORCES if outputs else ""), *(meanings[i].name for i in meanings if is_of_message(header[i]))]
@@ -160,7 +162,7 @@ def read_records(
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
     twice = f"{repeated} lines that repeat others were left out" if repeated else ""
     rated = [f"{ANGLES[angle]} follows from {angle}" for angle in _rated(columns)]
-    of_motion = (*by_angles, *by_quaternion, *by_world, *rated)
+    of_motion = (*by_angles, *by_quaternion, *by_pose, *by_world, *rated)
     assumptions = tuple(one for one in (by_size, *of_motion, *axes, forces_are, twice, coarse, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]

@@ -87,7 +87,8 @@ hold different columns of the same time (one file per topic, as `rostopic echo -
 record. Invalid samples are left out and reported: zeros of a DVL without lock, numbers that stand for none (-32.768),
 values of a frozen or saturated sensor, outliers, heave while the thrust presses the vehicle against the surface, an
 axis at rest under a thrust that moves it at other times (held, or the thrusters were off), and roll and pitch while it
-is turned over about the other of them; a filter that has smoothed the velocities is undone; velocities that came in
+is turned over about the other of them; velocities and rates that the pose beside them shows to be those of the world
+are turned into body axes; a filter that has smoothed the velocities is undone; velocities that came in
 bursts, and lines that share the times of a coarse clock, are spread evenly; lines of several trials that are mixed
 are reported.
 
