@@ -120,3 +120,18 @@ def test_what_a_filter_did_is_undone_exactly() -> None:
     t = array(step_s * np.arange(50))
     record = Record(Series(t, smoothed(v, step_s, 0.7)), Series(t, v), ())
     assert unsmoothed(record, 0.7).velocity.y == pytest.approx(v)
+
+
+def test_a_motion_that_the_thrust_does_not_explain_shows_no_smoothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pitch of a BlueROV2 that no thruster drives took 40 s each time, and had thrust that ramps."""
+    flight = fly(SURGE, THETA, back_and_forth((4.0, 14.0), 5.0, 30.0), 0.4)
+    t = flight.grid.times_s[::40]
+    waves = 0.9 * np.sin(1.7 * t) + 0.02 * np.random.default_rng(4).standard_normal(len(t))
+    still = array(0.3 * flight.path.v[::40] + waves)
+    record = Record(Series(t, still), Series(flight.times_s, flight.commands), (Stretch(0.5, 29.5),))
+    late, fit = fit_with_delays(record, PRIOR.values, SURGE, PRIOR, DOUBT_S)
+    suspect = replace(late, lag_s=max(late.lag_s, smoothing.SUSPECT_LAG_S))
+    tried: list[float] = []
+    monkeypatch.setattr(smoothing, "search_delay", lambda *_arguments: tried.append(1.0))
+    assert with_smoothing(suspect, fit, SURGE, PRIOR, DOUBT_S) == (suspect, fit)
+    assert not tried

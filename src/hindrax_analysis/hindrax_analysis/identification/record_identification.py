@@ -56,7 +56,7 @@ CSV_ENDINGS = (".csv", ".tsv", ".txt")
 TABLES = (".xlsx", ".xls", ".ods", ".mat", ".npz", ".npy", ".parquet", ".feather", ".pkl", ".h5", ".hdf5")
 """Tables of spreadsheets, MATLAB and Python, which their programs save as CSV."""
 AGAIN = ", with the masses that the axes have found"
-LONG_S = 300.0
+LONG_S = 90.0
 """Time in records from which the axes are worth a process each."""
 TRACE_S, TRACE_POINTS = 0.5, 2000.0
 """Longest time between the online estimates of a report, which takes a longer one for a pause; and how many it wants at

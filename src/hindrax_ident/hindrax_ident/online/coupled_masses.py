@@ -12,13 +12,15 @@ from typing import TypeAlias
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
-from hindrax_ident.model.coriolis import USUAL_MASS_RATIO_SIGMA
+from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA
 from hindrax_ident.model.motion_model import rigid_mass
 from hindrax_ident.online.session import Outcome
 from hindrax_ident.records.axis_record import LEAST_COUPLING
 
 STAYS = 0.05
 """Change of a mass, as a share of it, that is none [-]."""
+WITHIN = 0.5
+"""The same as a share of its standard deviation, which the uncertainty of the other axes' drag contains [-]."""
 MOST_PASSES = 4
 FoundMasses: TypeAlias = Mapping[int, tuple[float, float]]
 """Axis -> its total mass and the standard deviation of it [kg, kg m^2]."""
@@ -43,13 +45,18 @@ def with_found_masses(vehicle: Vehicle, fit_all: Callable[[FoundMasses], Sequenc
     if not any(one.record.coupling > LEAST_COUPLING for one in _assessed(outcomes).values()):
         return outcomes
     for _ in range(MOST_PASSES):
-        found = _found(vehicle, _assessed(outcomes))
-        if found.keys() == masses.keys() and all(
-            abs(found[axis][0] - mass) <= STAYS * mass for axis, (mass, _) in masses.items()
-        ):
+        # What one pass knew and the next does not is known still.
+        found = masses | _found(vehicle, _assessed(outcomes))
+        usual = {axis: (USUAL_MASS_RATIO * rigid_mass(vehicle, axis), math.inf) for axis in found}
+        if all(_stays((usual | masses)[axis][0], *one) for axis, one in found.items()):
             break
         masses, outcomes = found, fit_all(found)
     return outcomes
+
+
+def _stays(used: float, mass: float, sigma: float) -> bool:
+    """Whether a mass is that which was used, as far as it counts and as far as it is known."""
+    return abs(mass - used) <= max(STAYS * used, WITHIN * sigma)
 
 
 def _assessed(outcomes: Sequence[Outcome]) -> dict[int, Assessment]:

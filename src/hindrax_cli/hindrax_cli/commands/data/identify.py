@@ -183,7 +183,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
         help="also fit all axes together, with the terms that couple them; default: where several are pushed at once",
     ),
     option("--no-joint", dest="joint", action="store_false", default=None, help="fit them axis by axis alone"),
-    partial(add_workers, processes=None, usual="one per core for more than five minutes"),
+    partial(add_workers, processes=None, usual="one per core for more than 90 s of records"),
     option("--report", type=Path, metavar="FILE", help="write an HTML report"),
     option("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml"),
     add_json,
