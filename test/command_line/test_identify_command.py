@@ -19,6 +19,10 @@ from hindrax_cli.commands.data import identify
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.arrays import array
+from hindrax_ident.assess.joint_assessment import JointMotion, JointResults
+from hindrax_ident.assess.objections import Code, Objection
+from hindrax_ident.assess.results import DragBand, Number
 
 __all__ = ["desk"]
 """A fixture of all tests."""
@@ -256,6 +260,24 @@ def test_a_record_that_moves_axes_at_once_is_fitted_with_all_of_them_unless_told
         failed = [one for one in assumed if one == "no fit of all axes together: no stretch is long enough"]
         assert (len(together), len(failed)) == ((1, 1) if fitted else (0, 0))
     assert bool(asked) == fitted
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_a_fit_of_all_axes_that_identifies_nothing_is_a_sentence_unless_it_was_asked_for(
+    desk: Desk, asked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of another vehicle's thrusters it was the first table, with a k_q of 228 +- 468."""
+    number = array(np.array([0.4]))
+    drag = DragBand(number, number, number, number)
+    sway = JointMotion({"k_q": Number(228.0, 468.0, 468.0)}, drag, (), (Objection(Code.HARDLY_MOVED, "still"),))
+    none = array(np.full((6, 6), np.nan))
+    joint = JointResults({"sway": sway}, none, none, {}, {}, converged=True)
+    monkeypatch.setattr(identify, "identify_jointly", lambda *_arguments, **_more: joint)
+    words = ["--joint"] if asked else []
+    assert main(["identify", str(pilot_csv(desk.folder)), "--vehicle", str(desk.small), *words]) == 0
+    said = desk.capsys.readouterr().out
+    assert ("228" in said) == asked
+    assert ("All axes together, no motion is identifiable; --joint shows that fit" in said) != asked
 
 
 # ---- several records

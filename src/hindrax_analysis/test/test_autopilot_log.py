@@ -275,6 +275,21 @@ def test_a_pulse_that_no_output_has_costs_its_row_and_many_are_refused(tmp_path:
         read(file)
 
 
+@pytest.mark.parametrize("modern", [False, True])
+def test_a_log_of_an_older_px4_has_the_rates_of_its_gyroscopes(modern: bool, tmp_path: Path) -> None:
+    """A log of release 1.6 without velocities was refused, although it holds rates; today's has both."""
+    rows = [one for one in px4() if modern or one[0] != "vehicle_angular_velocity"]
+    gyros = [
+        ("sensor_combined", 0, (at[0], 0.5, 0.6, 0.7)) for name, instance, at in rows if name == "vehicle_attitude"
+    ]
+    file = tmp_path / "dive.ulg"
+    file.write_bytes(b"".join(ulog([*gyros, *rows])))
+    found = read(file)
+    rates = found.velocity[np.isfinite(found.velocity[:, 3]), 3:]
+    assert rates == pytest.approx(np.tile(RATES if modern else (0.5, 0.6, 0.7), (len(rates), 1)), abs=1e-6)
+    assert len(rates) >= STEPS - 1
+
+
 def test_damage_of_a_log_of_px4_is_named(tmp_path: Path) -> None:
     content, file = b"".join(ulog(px4())), tmp_path / "x.ulg"
     half = len(content) // 2

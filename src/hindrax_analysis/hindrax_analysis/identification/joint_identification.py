@@ -30,6 +30,8 @@ from hindrax_ident.records.axis_record import Series
 from hindrax_ident.records.six_axis_record import SixAxisRecord, six_axis_record
 from hindrax_ident.tuning import LAG_SIGMA_S, STAMP_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
+TOGETHER = "All axes together"
+"""Begin of what is told of this fit."""
 STEP_S = 0.1
 """Sampling of the thrust for the number of axes at once."""
 ALIKE = 1.5
@@ -274,8 +276,19 @@ def _gain(vehicle: Vehicle, tuning: Tuning) -> float:
     return float(np.hypot(tuning.wrench_gain_sigma, max(curves, default=0.0)))
 
 
-def show_joint(joint: JointResults) -> None:
-    """Print drag and added mass of each motion, and the terms that were admitted; a line a motion on a full screen."""
+def show_joint(joint: JointResults, *, asked: bool = True) -> None:
+    """Print drag and added mass of each motion, and the terms that were admitted; a line a motion on a full screen.
+
+    Parameters
+    ----------
+    joint
+        What was found.
+    asked
+        Whether somebody wants this fit; else one that identifies nothing is a sentence, not the first table.
+    """
+    if not asked and all(one.reasons for one in joint.motions.values()):
+        print_fitted(f"{TOGETHER}, no motion is identifiable; --joint shows that fit")
+        return
 
     def in_full() -> None:
         _show_coefficients(joint)
@@ -293,7 +306,7 @@ def _show_coefficients(joint: JointResults) -> None:
         marked = name if not one.reasons else f"{name}{REJECTED}"
         for key, number in one.coefficients.items():
             rows.append((marked, f"{key} [{number.unit}]", measured(number.value, number.std_calibrated)))
-    title = f"All axes together, SNAME axes ({PLUS_MINUS}, with calibration)"
+    title = f"{TOGETHER}, SNAME axes ({PLUS_MINUS}, with calibration)"
     print_table(title, ("motion", "coefficient"), ("value",), rows, grouped=True)
 
 
@@ -320,5 +333,5 @@ def _show_joint_short(joint: JointResults) -> None:
         rows.append((name if not one.reasons else f"{name}{REJECTED}", *cells))
     unsaid = [f"terms that the record needs ({len(joint.terms)})", "delays"]
     unsaid += [f"why {REJECTED} (not identifiable)"] if any(one.reasons for one in joint.motions.values()) else []
-    print_table(f"All axes together (SI; {PLUS_MINUS})", ("motion",), names, rows, spare=("b",), dense=True)
+    print_table(f"{TOGETHER} (SI; {PLUS_MINUS})", ("motion",), names, rows, spare=("b",), dense=True)
     print_fitted(f"--json shows: {', '.join(unsaid)}")

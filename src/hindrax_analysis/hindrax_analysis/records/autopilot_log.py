@@ -34,10 +34,12 @@ WANTED: dict[Quantity, str] = {
 }
 MOTION: tuple[Quantity, ...] = ("velocity", "rate")
 OUTPUTS = 16
+# Of two messages of a quantity the first is used: before release 1.10 the gyroscopes' own rates alone were logged.
 PX4_FIELDS: dict[str, tuple[Quantity, tuple[str, ...]]] = {
     "vehicle_local_position": ("velocity", ("vx", "vy", "vz")),
     "vehicle_attitude": ("attitude", tuple(f"q[{n}]" for n in range(4))),
     "vehicle_angular_velocity": ("rate", tuple(f"xyz[{n}]" for n in range(3))),
+    "sensor_combined": ("rate", tuple(f"gyro_rad[{n}]" for n in range(3))),
     "actuator_outputs": ("pulses", tuple(f"output[{n}]" for n in range(OUTPUTS))),
     "battery_status": ("supply", ("voltage_v",)),
 }
@@ -226,7 +228,8 @@ def _px4_tables(path: Path, channels: Sequence[int]) -> tuple[Tables, bool]:
     try:
         log = ULog(str(path), list(PX4_FIELDS))
         found: dict[Quantity, list[tuple[Array, Array]]] = {}
-        for one in sorted(log.data_list, key=lambda one: int(one.multi_id)):
+        order = list(PX4_FIELDS)
+        for one in sorted(log.data_list, key=lambda one: (order.index(one.name), int(one.multi_id))):
             quantity, fields = PX4_FIELDS[one.name]
             found.setdefault(quantity, []).append(_px4_rows(one.data, fields))
     except Exception as error:  # pyulog raises plain ones on garbage

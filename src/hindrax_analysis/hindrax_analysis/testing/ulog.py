@@ -9,6 +9,7 @@ FORMATS = {
     "bool v_xy_valid;bool v_z_valid;",
     "vehicle_attitude": "uint64_t timestamp;uint64_t timestamp_sample;float[4] q;",
     "vehicle_angular_velocity": "uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz;",
+    "sensor_combined": "uint64_t timestamp;float[3] gyro_rad;",
     "actuator_outputs": "uint64_t timestamp;float[16] output;",
     "battery_status": "uint64_t timestamp;float voltage_v;",
 }

@@ -240,7 +240,7 @@ def identify(arguments: argparse.Namespace) -> int:
         """All together, then axis by axis: the verdicts and the next step are the last screen."""
         _show_notes(found, conditions)
         if joint:
-            show_joint(joint)
+            show_joint(joint, asked=bool(arguments.joint))
         following = _next(arguments, sources, vehicle)
         show(found, reported=bool(arguments.report), ending=partial(_show_ending, arguments, found, following))
 
