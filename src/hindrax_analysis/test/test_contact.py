@@ -137,3 +137,15 @@ def test_a_pause_of_a_year_costs_no_memory() -> None:
     found = without_contact(recorded(v, thrust, t=later))
     assert np.isnan(found.velocity[OFF, 0]).mean() > 0.9
     assert math.isfinite(found.velocity[-1, 0])
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_a_vehicle_that_circles_is_not_held_to_its_side(turns: bool) -> None:
+    """Sway of a simulated BlueROV2 in a helix was left out for 26 of 115 s: its thrust bends the path."""
+    circles = during((80.0, 120.0))
+    thrust = array(np.where(circles, MASS_kg * 0.5 * 1.5, legs()))
+    v = noisy(flown(array(np.where(circles, 0.0, thrust))))
+    record = recorded(v, thrust, 1)
+    record.velocity[:, 0], record.velocity[:, 5] = np.where(circles, 0.5, 0.0), np.where(circles & turns, 1.5, 0.0)
+    gone = np.isnan(without_contact(record).velocity[:, 1])
+    assert gone[circles].mean() < 0.1 if turns else gone[circles].mean() > 0.8

@@ -40,6 +40,9 @@ LATEST_S = 1.0
 FEWEST_WINDOWS, LEAST_CARRY = 2.0, 0.1
 """Times that it moves by, in windows; and the share of them with less thrust than what is taken for the least that
 moves it: those of a wave, or a push."""
+TURNS = 0.1
+"""Acceleration by which a turn takes speed from one axis to another, in the fastest change of speed, up to which it rests
+or moves by its own forces: one that circles has a thrust to its side and no speed there, or the reverse."""
 MARGIN = 0.05
 """What the thrust at rest is above one that moved it, in the largest."""
 AROUND_S = 5.0
@@ -50,12 +53,16 @@ SLOWING_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """Mean velocity and mean thrust on one axis in each step [s] from `t` on, (n,) each; NaN without a velocity."""
+    """Means over each step [s] from `t` on, of one axis, (n,) each; NaN without a velocity.
+
+    `turning`: change of its velocity because the body turns, without any force, (omega x v)_axis [m/s^2]; 0 of yaw.
+    """
 
     step_s: float
     t: Array
     velocity: Array
     thrust: Array
+    turning: Array
     noise: float
 
 
@@ -150,7 +157,19 @@ def _steps(recording: Recording, axis: int) -> _Steps | None:
     thrust = LaggedThrust(recording.wrench_t[commanded], recording.wrench[commanded, axis], 0.0)
     impulse = thrust.impulse(begins + step_s) - thrust.impulse(begins)
     noise = float(np.nanmedian(np.abs(np.diff(mean, n=2)))) / 0.6745 / math.sqrt(6.0)
-    return _Steps(step_s, begins, mean, array(impulse / step_s), noise)
+    return _Steps(step_s, begins, mean, array(impulse / step_s), _turning(recording, axis, begins), noise)
+
+
+def _turning(recording: Recording, axis: int, t: Array) -> Array:
+    """(omega x v)_axis at times (n,) [m/s^2], of the velocities that the record has; zeros of an axis of rotation."""
+    if axis > HEAVE:
+        return array(np.zeros(len(t)))
+    nu = np.zeros((len(t), 6))
+    for one, column in enumerate(recording.velocity.T):
+        known = np.isfinite(column)
+        if known.any():
+            nu[:, one] = np.interp(t, recording.velocity_t[known], column[known])
+    return array(np.cross(nu[:, 3:], nu[:, :3])[:, axis])
 
 
 def _moved(recording: Recording, axis: int) -> tuple[Array, Array]:
@@ -190,11 +209,12 @@ def _held(steps: _Steps) -> list[tuple[float, float]]:
     # Whatever the delay of the velocity behind the thrust is, up to the usual ones.
     late = 1 + math.ceil(LATEST_S / steps.step_s)
     earlier = np.lib.stride_tricks.sliding_window_view(np.pad(thrust, (late, 0), mode="edge"), late + 1)
-    still = (np.abs(windows) <= rest).all(axis=1)
+    by_itself = np.convolve(np.abs(steps.turning), np.full(long, 1.0 / long), "valid") <= TURNS * gathers
+    still = (np.abs(windows) <= rest).all(axis=1) & by_itself
     margin = MARGIN * float(np.abs(steps.thrust).max())
     held = np.zeros(len(v), dtype=bool)
     for sign in (1.0, -1.0):
-        moves = (sign * windows >= MOVES * size).all(axis=1)
+        moves = (sign * windows >= MOVES * size).all(axis=1) & by_itself
         keeps = sign * (windows[:, -1] - windows[:, 0]) >= -SLOWS * size
         carries = (sign * earlier[moves & keeps]).max(axis=1, initial=-np.inf)
         if len(carries) <= FEWEST_WINDOWS * long:
