@@ -41,8 +41,8 @@ FEWEST_WINDOWS, LEAST_CARRY = 2.0, 0.1
 """Times that it moves by, in windows; and the share of them with less thrust than what is taken for the least that
 moves it: those of a wave, or a push."""
 TURNS = 0.1
-"""Acceleration by which a turn takes speed from one axis to another, in the fastest change of speed, up to which it rests
-or moves by its own forces: one that circles has a thrust to its side and no speed there, or the reverse."""
+"""Acceleration by which a turn takes speed from one axis to another, in the fastest change of speed, up to which forces
+of its own move an axis or leave it: what circles has a thrust to its side and no speed there, or the reverse."""
 MARGIN = 0.05
 """What the thrust at rest is above one that moved it, in the largest."""
 AROUND_S = 5.0
