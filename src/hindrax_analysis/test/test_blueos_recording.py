@@ -5,6 +5,7 @@ They are written here after the sources that `records.blueos_recording` names, w
 
 import io
 import json
+import re
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -208,3 +209,36 @@ def test_a_message_that_is_no_mavlink_costs_itself_and_many_are_refused(tmp_path
     assert "the file is damaged in 1 place; what is no message there is left out" in found.assumptions
     with pytest.raises(UsageError, match=r"often\.mcap: is damaged in 30 places, .*; copy it again"):
         read(tmp_path, "often.mcap", bare.replace(b'"message": {"type": "SERVO', b'"massage": {"type": "SERVO'))
+
+
+@pytest.mark.parametrize(
+    "odd", ["null", '"text"', "[1, 2]", '{"type": "X"}', "1e999", "-1", "true", "[" * 3000 + "]" * 3000]
+)
+@pytest.mark.parametrize("field", ["time_boot_ms", "time_usec", "servo1_raw", "flags", "voltage_battery", "system_id"])
+def test_a_value_that_no_message_has_costs_its_message(field: str, odd: str, tmp_path: Path) -> None:
+    bare = recording(telemetry(), finished=False, packed=False).decode("latin-1")
+    begin = bare.index(f'"{field}": ', len(bare) // 2)
+    value = re.match(r'"\w+": ("[^"]*"|[^,}]*)', bare[begin:])
+    assert value is not None
+    # Cut to the length that the record has: what is left of it is no JSON any more, and that is odd as well.
+    new = f'"{field}": {odd}'[: len(value[0])].ljust(len(value[0]))
+    file = tmp_path / "dive.mcap"
+    for text in (bare[:begin] + new + bare[begin + len(value[0]) :], _again(bare, field, odd)):
+        file.write_bytes(text.encode("latin-1"))
+        try:
+            found = read_log(file, ROV)
+        except UsageError:
+            continue
+        assert sum(len(one.wrench_t) for one in found) >= STEPS - 2
+
+
+def _again(bare: str, field: str, odd: str) -> str:
+    """The recording with one more message at its end, whose field has an odd value."""
+    head: dict[str, object] = {"system_id": "@" if field == "system_id" else 1}
+    kind = {"flags": "EKF_STATUS_REPORT", "voltage_battery": "SYS_STATUS", "time_boot_ms": "ATTITUDE"}
+    message: dict[str, object] = {"type": kind.get(field, "SERVO_OUTPUT_RAW"), "port": 0, "time_usec": 9_000_000}
+    message |= {} if field == "system_id" else {field: "@"}
+    content = {"header": head, "message": message}
+    data = json.dumps(content).replace('"@"', odd).encode()
+    record = struct.pack("<HIQQ", 1, 0, 2 * 10**18, 2 * 10**18) + data
+    return bare + (b"\x05" + struct.pack("<Q", len(record)) + record).decode("latin-1")

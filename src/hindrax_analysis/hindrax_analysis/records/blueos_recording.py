@@ -29,6 +29,11 @@ OF_A_KIND = re.compile(r"mavlink/\d+/\d+/[A-Z0-9_]+")
 FLAGS = {"EKF_VELOCITY_HORIZ": 1 << 1, "EKF_VELOCITY_VERT": 1 << 2, "EKF_CONST_POS_MODE": 1 << 7}
 """Values of the flags that are used (EKF_STATUS_FLAGS of the dialect ardupilotmega)."""
 
+TIMES = ("time_boot_ms", "time_usec")
+"""Fields without a number in which no other field has a time."""
+NO_MESSAGE = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
+"""What reading one raises that is none."""
+
 
 class JsonMessage:
     """One message with the methods and attributes of pymavlink's."""
@@ -99,7 +104,8 @@ def read_messages(file: Path, damage: Damage) -> Iterator[JsonMessage]:
             fields = content["message"]
             system = int(content["header"]["system_id"])
             kind = fields["type"]
-        except (ValueError, LookupError, TypeError) as error:
+            fields |= {name: float(fields[name]) for name in TIMES if fields.get(name) is not None}
+        except NO_MESSAGE as error:
             note = f"{file.name}: a message of {one.topic} is no MAVLink ({type(error).__name__}) and left out"
             damage.skip(note, one.received, one.received)
             continue
@@ -112,12 +118,13 @@ def read_messages(file: Path, damage: Damage) -> Iterator[JsonMessage]:
 
 def _topics(file: Path) -> list[str]:
     """Topics that have each message once; none in a file without MAVLink."""
-    # A finished file names its topics at its end, another one has to be read to its first message of the router.
+    # A finished file names its topics at its end, another one has to be read: to its first message of the router, or of
+    # ROS, whose topics begin so and BlueOS' do not.
     found = {record.topic for record in records(file, chunks=False) if isinstance(record, Channel)}
     if not found:
         for one in messages(file):
             found.add(one.topic)
-            if one.topic == ROUTER:
+            if one.topic == ROUTER or one.topic.startswith("/"):
                 break
     return [ROUTER] if ROUTER in found else sorted(topic for topic in found if OF_A_KIND.fullmatch(topic))
 

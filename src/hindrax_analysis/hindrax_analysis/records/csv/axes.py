@@ -7,6 +7,7 @@ them is counted the other way.
 """
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -154,18 +155,17 @@ def with_axes_of_body(columns: Mapping[str, Array]) -> tuple[dict[str, Array], t
         return out, ()
     quaternions = array(Rotation.from_euler("ZYX", np.column_stack(angles)).as_quat())
     positions = array(np.column_stack([_between(t, columns["px"]), _between(t, columns["py"]), level]))
-    for names, how in (("uvw", "positions change"), ("pqr", "attitude changes")):
-        if not set(columns) >= set(names[:2]) or (names == "pqr" and "r" not in columns):
+    looks = (
+        ("uvw", {*"uv"}, partial(compare_frames, t, positions, quaternions), "positions change"),
+        ("pqr", {*"pqr"}, partial(compare_rates, t, quaternions), "attitude changes"),
+    )
+    for names, needed, compared, how in looks:
+        if not needed <= set(columns):
             continue
         vectors = array(np.column_stack([columns.get(one, level) for one in names]))
-        found = (
-            compare_frames(t, positions, quaternions, vectors)
-            if names == "uvw"
-            else compare_rates(t, quaternions, vectors)
-        )
+        found = compared(vectors)
         if found is not None and found.is_world:
-            body = to_body(vectors, quaternions)
-            there = [one for one in names if one in columns]
+            body, there = to_body(vectors, quaternions), [one for one in names if one in columns]
             out |= {one: array(body[:, names.index(one)]) for one in there}
             notes.append(f"{', '.join(there)} are in the axes of the world, as the {how}: turned by the attitude")
     return out, tuple(notes)
