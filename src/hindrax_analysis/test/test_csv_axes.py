@@ -217,11 +217,13 @@ def simulated(*, of_world: bool, down: bool) -> dict[str, Array]:
     return {name: array(one) for name, one in names.items()} | quaternion("orient_{}", attitude.as_quat()) | {"X": PUSH}
 
 
+@pytest.mark.parametrize("words", ["", "position_"])
 @pytest.mark.parametrize("down", [False, True])
 @pytest.mark.parametrize("of_world", [False, True])
-def test_velocities_of_the_world_under_names_of_the_body_are_found_out(of_world: bool, down: bool) -> None:
+def test_velocities_of_the_world_under_names_of_the_body_are_found_out(of_world: bool, down: bool, words: str) -> None:
     """Of a simulated BlueROV2 that turned as it went, all axes were refused: 'check the direction of each thruster'."""
-    found = read(simulated(of_world=of_world, down=down))
+    table = simulated(of_world=of_world, down=down)
+    found = read({name.removeprefix(words): one for name, one in table.items()})
     signs = [1.0, -1.0, -1.0] if down else [1.0, 1.0, 1.0]
     assert found.velocity == pytest.approx(np.column_stack([MOVES * signs, TURNS * signs]), abs=1e-4)
     said = [one for one in found.assumptions if "in the axes of the world" in one]

@@ -34,6 +34,11 @@ def read(header: str, *rows: str) -> Recording:
         ("X_est", "X", 1.0),
         ("ATTITUDE.yawspeed", "r", 1.0),
         ("tau_1", "X", 1.0),
+        ("utc_timestamp", "t", 1.0),
+        ("F_surge", "X", 1.0),
+        ("M_yaw [N m]", "N", 1.0),
+        ("x", "px", 1.0),
+        ("odom.y", "py", 1.0),
     ],
 )
 def test_loose_names_are_known(header: str, name: str, factor: float) -> None:
@@ -81,6 +86,19 @@ def test_vectors_count_from_zero_or_one(first: int) -> None:
         found = read(",".join(["t", *names]), ",".join(map(str, range(13))), ",".join(map(str, range(1, 14))))
         assert found.velocity[0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
         assert found.wrench[0].tolist() == [7.0, 8.0, 9.0, 10.0, 11.0, 12.0]
+
+
+@pytest.mark.parametrize("header", ["t,x,y,yaw,u,X,Y", "t,x,y,odom.x,odom.y,yaw,u,v,X,Y", "t,px,py,x,y,yaw,u,v,X,Y"])
+def test_an_x_and_a_y_may_be_anything_and_are_no_way(header: str) -> None:
+    """Of a joystick, in pixels, of another estimator: no way along an axis, and no reason to refuse the file."""
+    rows = [",".join(f"{0.1 * row * (one + 1)}" for one in range(header.count(",") + 1)) for row in range(30)]
+    assert not len(read(header, *rows).way_t)
+
+
+@pytest.mark.parametrize(("header", "name"), [("X [m]", "px"), ("Y (cm)", "py"), ("Z [m]", None), ("X [N]", "X")])
+def test_a_capital_is_a_force_unless_its_unit_is_a_length(header: str, name: str | None) -> None:
+    found = meaning_of(header)
+    assert (found and found.name) == name
 
 
 def test_a_moment_is_one_by_its_unit() -> None:

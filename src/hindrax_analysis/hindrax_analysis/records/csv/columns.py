@@ -159,13 +159,17 @@ def _names() -> Iterator[tuple[str, str]]:
 def _more_names() -> Iterator[tuple[str, str]]:
     """Names in use that give way to those of `_names`, and the column of each."""
     times = ("elapsed_time", "time_boot", "seconds", "sec", "secs", "date_time", "datetime", "utc")
-    yield from ((name, "t") for name in times)
+    since_1970 = ("utc_timestamp", "timestamp_utc", "unix_time", "epoch", "epoch_time", "ros_time")
+    yield from ((name, "t") for name in (*times, *since_1970))
+    yield from ((axis, f"p{axis}") for axis in "xy")
     yield from ((name, NANOSECONDS) for name in ("nanosec", "nanosecs", "nanoseconds", "nsec", "nsecs"))
     yield from (("forward_velocity", "u"), ("forward_speed", "u"))
     for axis, word, speed, rate in zip("xyz", ("roll", "pitch", "yaw"), "uvw", "pqr", strict=True):
         yield from ((f"{name}_{axis}", speed) for name in ("linear_velocity", "linear_vel", "lin_vel"))
         yield from ((f"{name}_{axis}", rate) for name in ("gyr", "ang_vel", "angular_vel", "angular_rate"))
         yield from ((name, rate) for name in (f"{word}rate", f"{word}speed", *_pairs(word, ("vel",))))
+    for words, letter, columns in ((("surge", "sway", "heave"), "f", "XYZ"), (("roll", "pitch", "yaw"), "m", "KMN")):
+        yield from ((f"{letter}_{word}", column) for word, column in zip(words, columns, strict=True))
     for vector, columns in VECTORS.items():
         yield from ((f"{vector}_{number}", column) for number, column in enumerate(columns, start=1))
 
@@ -176,6 +180,8 @@ def _pairs(word: str, others: Sequence[str]) -> list[str]:
 
 NANOSECONDS = "t_ns"
 """The nanoseconds of a stamp in two columns."""
+PLACES = {"X": "px", "Y": "py", "Z": None}
+"""Names of forces that are positions where their unit is a length; which way a Z points, nobody says."""
 MOMENTS = {"mx": "K", "my": "M", "mz": "N"}
 """Names of moments with their unit, without it of magnetic fields."""
 NAMES: dict[str, str] = dict(_names())
@@ -207,8 +213,11 @@ def _meaning(header: str, name_of: Callable[[str], str | None], unit_words: int)
     brackets = _IN_BRACKETS.match(header)
     if brackets:
         name = name_of(brackets["name"]) or MOMENTS.get(_words(brackets["name"]))
-        if name in MOMENTS.values() and plain_unit(brackets["unit"]) not in _MOMENT:
+        unit = plain_unit(brackets["unit"])
+        if name in MOMENTS.values() and unit not in _MOMENT:
             return None
+        if name in PLACES and unit in _LENGTH:
+            name = PLACES[name]
         return (name and Meaning(name, factor_of(name, brackets["unit"], header), has_unit=True)) or None
     name = name_of(header)
     if name:
