@@ -1,5 +1,8 @@
 """Names that other people's CSV files have for the columns of a record."""
 
+import math
+
+import numpy as np
 import pytest
 
 from hindrax_analysis.records.csv.columns import meaning_of, time_of
@@ -93,6 +96,11 @@ def test_an_x_and_a_y_may_be_anything_and_are_no_way(header: str) -> None:
     """Of a joystick, in pixels, of another estimator: no way along an axis, and no reason to refuse the file."""
     rows = [",".join(f"{0.1 * row * (one + 1)}" for one in range(header.count(",") + 1)) for row in range(30)]
     assert not len(read(header, *rows).way_t)
+
+
+def test_a_heading_by_another_name_stays_without_a_place() -> None:
+    rows = [f"{0.1 * row},{math.sin(0.3 * row)},{math.cos(0.3 * row)}" for row in range(60)]
+    assert np.isfinite(read("t,attitude.yaw,N", *rows).velocity[:, 5]).any()
 
 
 @pytest.mark.parametrize(("header", "name"), [("X [m]", "px"), ("Y (cm)", "py"), ("Z [m]", None), ("X [N]", "X")])

@@ -296,7 +296,7 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
     # An x and a y without a word may be anything; one beside velocities tells no more than whose axes these have.
     counts = Counter(known.name for known in found.values())
     told = counts["u"] and counts["v"] and counts["px"] == counts["py"] == 1
-    found = {i: known for i, known in found.items() if told or not (known.gives_way and known.name in PLACE)}
+    found = {i: known for i, known in found.items() if told or not (known.gives_way and known.name in ("px", "py"))}
     # A second quaternion is of a setpoint or of a camera, and none is needed.
     counts = Counter(known.name for known in found.values())
     apart = {name for name in QUATERNION if any(counts[part] != 1 for part in QUATERNION)}
