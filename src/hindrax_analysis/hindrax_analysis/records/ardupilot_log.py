@@ -56,11 +56,15 @@ FIELDS: dict[str, tuple[tuple[Quantity, float, tuple[str, ...]], ...]] = {
 }
 """Message -> quantities, their factor to SI, and their fields."""
 PARAMETERS = ("PARM", "PARAM_VALUE")
+KINDS = [*FIELDS, *PARAMETERS]
+"""Messages that are read."""
 RECEIVED = (".tlog", blueos_recording.ENDING)
 """Logs of what another computer received, stamped by its clock."""
 INSTANCES = ("C", "I", "Inst", "Instance", "port")
 """Fields that number the sensors, estimators or ports of a kind; the first of each is used."""
-HORIZONTAL, VERTICAL, CONSTANT_POSITION = 1 << 1, 1 << 2, 1 << 7
+HORIZONTAL, VERTICAL, CONSTANT_POSITION = (
+    blueos_recording.FLAGS[name] for name in ("EKF_VELOCITY_HORIZ", "EKF_VELOCITY_VERT", "EKF_CONST_POS_MODE")
+)
 """Bits of the estimator's status: what it claims, and that it has no aiding."""
 WRAP_S = 2.0**32 * 1e-6
 """The time of the outputs, in microseconds of 32 bits, begins again after 71.6 minutes."""
@@ -336,8 +340,7 @@ def claimed(tables: Tables) -> tuple[Array, Array] | None:
 
 
 def _of_blueos(path: Path, damage: Damage) -> Iterator[blueos_recording.JsonMessage]:
-    wanted = {*FIELDS, *PARAMETERS}
-    return (one for one in blueos_recording.read_messages(path, damage) if one.get_type() in wanted)
+    return (one for one in blueos_recording.read_messages(path, damage) if one.get_type() in KINDS)
 
 
 def _messages(path: Path) -> Iterator[Any]:
@@ -346,10 +349,10 @@ def _messages(path: Path) -> Iterator[Any]:
     except ImportError as error:
         raise HindraxError(f"{path}: logs of ArduPilot need pymavlink; {how_to_install('autopilot')}") from error
     try:
-        log, wanted = mavutil.mavlink_connection(str(path)), [*FIELDS, *PARAMETERS]
-        through_index = wanted if _index_is_whole(log) else None
+        log = mavutil.mavlink_connection(str(path))
+        through_index = KINDS if _index_is_whole(log) else None
         while (message := log.recv_match(type=through_index)) is not None:
-            if through_index or message.get_type() in wanted:
+            if through_index or message.get_type() in KINDS:
                 yield message
     except Exception as error:  # pymavlink raises plain ones on garbage
         why = type(error).__name__

@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -198,14 +198,20 @@ def tilts_of(quaternions: Array) -> Array:
 
 
 class FrameErrors(NamedTuple):
-    """Mean squared difference between velocities and rates of the positions, per assumption [m^2/s^2].
+    """Mean squared difference between velocities, or rates, and the change of the pose, per assumption.
 
-    `world`: velocities in the axes of the positions; `body`: in those of the vehicle; `still`: zero velocities.
+    `world`: velocities in the axes of the positions; `body`: in those of the vehicle; `still`: zero velocities;
+    [m^2/s^2, rad^2/s^2].
     """
 
     world: float
     body: float
     still: float
+
+    @classmethod
+    def of(cls, *differences: Array) -> Self:
+        """Mean squares of the differences (n, k) of each assumption."""
+        return cls(*(float(np.mean(np.sum(one**2, axis=1))) for one in differences))
 
     @property
     def is_world(self) -> bool:
@@ -255,9 +261,8 @@ def compare_frames(t_s: Array, positions: Array, quaternions: Array, velocities:
         return None
     starts, usual = _windows(t)
     moved = np.diff(p[starts], axis=0) / np.diff(t[starts])[:, None]
-    errors = [moved - _means(t, one[:, :2], starts) for one in (v, to_world(v, q))]
-    world, body, still = (float(np.mean(np.sum(one[usual] ** 2, axis=1))) for one in (*errors, moved))
-    return FrameErrors(world, body, still)
+    in_world, in_body = (moved - _means(t, one[:, :2], starts) for one in (v, to_world(v, q)))
+    return FrameErrors.of(in_world[usual], in_body[usual], moved[usual])
 
 
 def compare_rates(t_s: Array, quaternions: Array, rates: Array) -> FrameErrors | None:
@@ -289,8 +294,7 @@ def compare_rates(t_s: Array, quaternions: Array, rates: Array) -> FrameErrors |
         np.add.reduceat(one.as_rotvec()[: starts[-1]], starts[:-1], axis=0) / steps
         for one in (turned[1:] * turned[:-1].inv(), turned[:-1].inv() * turned[1:])
     )
-    errors = in_world - measured, in_body - measured, in_body
-    return FrameErrors(*(float(np.mean(np.sum(one[usual] ** 2, axis=1))) for one in errors))
+    return FrameErrors.of((in_world - measured)[usual], (in_body - measured)[usual], in_body[usual])
 
 
 def _windows(t: Array) -> tuple[Index, Flags]:

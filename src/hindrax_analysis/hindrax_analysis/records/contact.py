@@ -41,8 +41,8 @@ FEWEST_WINDOWS, LEAST_CARRY = 2.0, 0.1
 """Times that it moves by, in windows; and the share of them with less thrust than what is taken for the least that
 moves it: those of a wave, or a push."""
 TURNS = 0.1
-"""Acceleration by which a turn takes speed from one axis to another, in the fastest change of speed, up to which forces
-of its own move an axis or leave it: what circles has a thrust to its side and no speed there, or the reverse."""
+"""Acceleration omega x v, in the fastest change of speed, up to which an axis moves or rests by forces of its own. What
+circles has a thrust to its side and no speed there, or the reverse."""
 MARGIN = 0.05
 """What the thrust at rest is above one that moved it, in the largest."""
 AROUND_S = 5.0
@@ -205,11 +205,12 @@ def _held(steps: _Steps) -> list[tuple[float, float]]:
     if len(v) < 4 * long:
         return []
     windows = np.lib.stride_tricks.sliding_window_view(v, long)
-    thrust = np.convolve(steps.thrust, np.full(long, 1.0 / long), "valid")
+    over_window = np.full(long, 1.0 / long)
+    thrust = np.convolve(steps.thrust, over_window, "valid")
     # Whatever the delay of the velocity behind the thrust is, up to the usual ones.
     late = 1 + math.ceil(LATEST_S / steps.step_s)
     earlier = np.lib.stride_tricks.sliding_window_view(np.pad(thrust, (late, 0), mode="edge"), late + 1)
-    by_itself = np.convolve(np.abs(steps.turning), np.full(long, 1.0 / long), "valid") <= TURNS * gathers
+    by_itself = np.convolve(np.abs(steps.turning), over_window, "valid") <= TURNS * gathers
     still = (np.abs(windows) <= rest).all(axis=1) & by_itself
     margin = MARGIN * float(np.abs(steps.thrust).max())
     held = np.zeros(len(v), dtype=bool)

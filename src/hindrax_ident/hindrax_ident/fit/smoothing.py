@@ -146,11 +146,10 @@ def with_smoothing(
     if not suspect or fit.problem.main != 0:
         return record, fit
     search = _Search(record, fit, model, prior, sigma_s)
-    measured = fit.problem.y[fit.problem.channel == 0]
-    if search.none.error > MOST_LEFT * float(np.sqrt(np.mean(measured**2))):
+    none, measured = search.none, fit.problem.y[fit.problem.channel == 0]
+    if none.error > MOST_LEFT * float(np.sqrt(np.mean(measured**2))):
         return record, fit
     found = {kind: search.coarse(kind) for kind in (FILTER, MEAN, *OF_THRUST)}
-    none = found[MEAN][0]
     # What is nearly alike is far off as well.
     if search.best(found[MEAN]).error < HINT * none.error:
         found[FLAT] = search.coarse(FLAT)

@@ -47,8 +47,9 @@ def with_found_masses(vehicle: Vehicle, fit_all: Callable[[FoundMasses], Sequenc
     for _ in range(MOST_PASSES):
         # What one pass knew and the next does not is known still.
         found = masses | _found(vehicle, _assessed(outcomes))
-        usual = {axis: (USUAL_MASS_RATIO * rigid_mass(vehicle, axis), math.inf) for axis in found}
-        if all(_stays((usual | masses)[axis][0], *one) for axis, one in found.items()):
+        used = {axis: USUAL_MASS_RATIO * rigid_mass(vehicle, axis) for axis in found}
+        used |= {axis: mass for axis, (mass, _) in masses.items()}
+        if all(_stays(used[axis], *one) for axis, one in found.items()):
             break
         masses, outcomes = found, fit_all(found)
     return outcomes

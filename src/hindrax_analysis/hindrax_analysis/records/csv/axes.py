@@ -6,7 +6,7 @@ turn it over. The depth is the integral of the velocity down, an angle is the in
 them is counted the other way.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import partial
 
 import numpy as np
@@ -50,6 +50,8 @@ def with_depths(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[s
 
 OF_WORLD = {"vn", "ve", "yaw"}
 """Columns that show the velocities of surge and sway."""
+PLACE = {"px", "py", "yaw"}
+"""Columns that show the way along surge and sway."""
 
 
 def with_angles_of_quaternion(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
@@ -104,29 +106,15 @@ def with_velocities_of_world(columns: Mapping[str, Array]) -> tuple[dict[str, Ar
     out = {name: values for name, values in columns.items() if name not in ("vn", "ve", "vd")}
     if not set(columns) >= OF_WORLD:
         return dict(columns), (), ()
-    level = np.zeros_like(columns["vn"])
     tilted = {"vd", "roll", "pitch"} <= set(columns)
-    down = columns["vd"] if tilted else level
-    yaw, *tilts = (
-        _at_all_times(columns["t"], columns[one]) for one in (("yaw", "pitch", "roll") if tilted else ("yaw",))
-    )
-    angles = yaw, *(tilts or (level, level))
-    attitude = Rotation.from_euler("ZYX", np.column_stack(angles))
+    down = columns["vd"] if tilted else np.zeros_like(columns["vn"])
+    attitude = _attitude(columns, ("yaw", "pitch", "roll") if tilted else ("yaw",))
     body = attitude.inv().apply(np.column_stack([columns["vn"], columns["ve"], down]))
     made = [name for name in ("uvw" if tilted else "uv") if name not in out]
     out |= {name: array(body[:, "uvw".index(name)]) for name in made}
     how = "roll, pitch and yaw" if tilted else "yaw, as of a level vehicle"
     notes = (f"{', '.join(made)} are velocities north and east, turned by {how}",) if made else ()
     return out, tuple(made), notes
-
-
-def _at_all_times(t: Array, angle: Array) -> Array:
-    """Angles (n,) [rad] between those that are known: rows of other instruments have none."""
-    known = np.isfinite(angle)
-    steady = angle.copy()
-    order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]
-    steady[order] = np.unwrap(angle[order])
-    return _between(t, steady)
 
 
 def with_axes_of_body(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
@@ -146,14 +134,10 @@ def with_axes_of_body(columns: Mapping[str, Array]) -> tuple[dict[str, Array], t
         The columns, (n,) each, and what was assumed.
     """
     out, notes = dict(columns), []
-    if not set(columns) >= {"px", "py", "yaw"}:
+    if not set(columns) >= PLACE:
         return out, ()
-    t = columns["t"]
-    level = np.zeros_like(t)
-    angles = [_at_all_times(t, columns[one]) if one in columns else level for one in ("yaw", "pitch", "roll")]
-    if not np.isfinite(angles).all():
-        return out, ()
-    quaternions = array(Rotation.from_euler("ZYX", np.column_stack(angles)).as_quat())
+    t, level = columns["t"], np.zeros_like(columns["t"])
+    quaternions = array(_attitude(columns, ("yaw", "pitch", "roll")).as_quat())
     positions = array(np.column_stack([_between(t, columns["px"]), _between(t, columns["py"]), level]))
     looks = (
         ("uvw", {*"uv"}, partial(compare_frames, t, positions, quaternions), "positions change"),
@@ -169,6 +153,25 @@ def with_axes_of_body(columns: Mapping[str, Array]) -> tuple[dict[str, Array], t
             out |= {one: array(body[:, names.index(one)]) for one in there}
             notes.append(f"{', '.join(there)} are in the axes of the world, as the {how}: turned by the attitude")
     return out, tuple(notes)
+
+
+def _attitude(columns: Mapping[str, Array], angles: Collection[str]) -> Rotation:
+    """Attitude of the body in each row, of those of the angles that the file has; the others are level."""
+    level = np.zeros_like(columns["t"])
+    turned = [
+        _at_all_times(columns["t"], columns[one]) if one in angles and one in columns else level
+        for one in ("yaw", "pitch", "roll")
+    ]
+    return Rotation.from_euler("ZYX", np.column_stack(turned))
+
+
+def _at_all_times(t: Array, angle: Array) -> Array:
+    """Angles (n,) [rad] between those that are known: rows of other instruments have none."""
+    known = np.isfinite(angle)
+    steady = angle.copy()
+    order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]
+    steady[order] = np.unwrap(angle[order])
+    return _between(t, steady)
 
 
 def _between(t: Array, values: Array) -> Array:

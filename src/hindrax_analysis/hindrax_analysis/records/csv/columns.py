@@ -133,8 +133,8 @@ class Meaning(NamedTuple):
 
 def _names() -> Iterator[tuple[str, str]]:
     """Names in use, in lower case, and the column of each."""
-    yield from ((name, "t") for name in ("time", "times", "timestamp", "timestamps", "time_stamp", "stamp"))
-    yield from ((name, "t") for name in ("header_stamp", "elapsed"))
+    times = ("time", "times", "timestamp", "timestamps", "time_stamp", "stamp", "header_stamp", "elapsed")
+    yield from ((name, "t") for name in times)
     yield from (("phi", "roll"), ("theta", "pitch"), ("roll", "roll"), ("pitch", "pitch"), ("depth", "depth"))
     yield from (("psi", "yaw"), ("heading", "yaw"), ("north", "px"), ("east", "py"))
     for axis, word, column in zip("xyz", ("north", "east", "down"), ("vn", "ve", "vd"), strict=True):

@@ -18,6 +18,7 @@ from hindrax_analysis.records.bag_track import (
 from hindrax_analysis.records.csv.angles import ANGLES, in_radians
 from hindrax_analysis.records.csv.axes import (
     OF_WORLD,
+    PLACE,
     frame_by_depth,
     with_angles,
     with_angles_of_quaternion,
@@ -76,9 +77,6 @@ AXES_OF = {"flu": "x forward, y left, z up", "fsd": "SNAME: x forward, y starboa
 COARSE_CLOCK = "several lines share each time, as by a coarse clock: they are spread evenly"
 REAL_FORCES = "forces are those achieved by the thrusters, about the center of mass"
 
-
-PLACE = {"px", "py", "yaw"}
-"""Columns that show the way along surge and sway."""
 WANTED_TIME = "seconds with a decimal point, or a time as 2024-05-01T12:00:00.5"
 FEWEST_ROWS, MOST_RECORDS = 20, 50
 """Shorter or more numerous than this, pieces between steps back are no records but lines out of order."""
