@@ -15,6 +15,7 @@ from hindrax_analysis.identification.joint_identification import (
     axes_at_once,
     filters_found,
     identify_jointly,
+    lags_found,
     mean_found,
     wants_joint_fit,
 )
@@ -24,7 +25,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.joint_assessment import JointMotion, JointResults
-from hindrax_ident.assess.objections import Code, Objection, objection
+from hindrax_ident.assess.objections import Code, objection
 from hindrax_ident.assess.results import MotionResult, Results
 
 T = array(np.arange(0.0, 60.0, 0.05))
@@ -142,14 +143,21 @@ def test_means_are_no_record_for_a_fit_of_all() -> None:
     assert not mean_found(alone)
 
 
-@pytest.mark.parametrize("found", [objection(Code.LATE_STOPS, later_s=0.4), objection(Code.RAMPING_THRUST, ramp_s=0.8)])
-def test_thrust_that_is_no_lag_is_none_for_a_fit_of_all(found: Objection) -> None:
-    alone = results(surge={}, heave_down={})
+def test_thrust_that_ramps_is_none_for_a_fit_of_all() -> None:
+    alone, found = results(surge={}, heave_down={}), objection(Code.RAMPING_THRUST, ramp_s=0.8)
     motions = {**alone.motions, "surge": replace(alone.motions["surge"], warnings=(found,))}
     source = RecordSource(Path("a.csv"), pushed(sines(3)))
     wanted, why = wants_joint_fit([source], IdentificationTask(), replace(alone, motions=motions))
     assert not wanted
-    assert "more than a lag of its command" in why
+    assert why == "the thrust ramps, which a fit of all axes together does not know: left out"
+
+
+def test_lags_that_differ_are_those_of_the_axes_that_show_it() -> None:
+    assert lags_found(results(surge={}, yaw={"lag_s": 0.1})) == (0.0, 0.0)
+    shown = [
+        {"goes_later_s": goes_s, "turns_later_s": turns_s} for goes_s, turns_s in ((0.1, 0.0), (0.2, 0.1), (0.4, 0.0))
+    ]
+    assert lags_found(results(surge=shown[0], sway=shown[1], heave_down=shown[2], yaw={})) == (0.2, 0.0)
 
 
 def test_nothing_of_means_is_identified_by_a_fit_of_all_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

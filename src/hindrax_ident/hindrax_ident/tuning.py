@@ -9,6 +9,9 @@ STAMP_SIGMA_S = 0.03
 """Prior standard deviation between stamps of different topics: delays, jitter and slow sampling resemble a lag."""
 LAG_SIGMA_S = 0.1
 """Prior standard deviation of the thrust lag, and of the latency of the velocities."""
+LAG_DIFFERENCE_S = 0.05
+"""Prior standard deviation of the lag of thrust that goes, turns round, or changes by its largest, from that of thrust
+that comes a little: half of that of the lag itself."""
 USUAL_LAG_S = 0.15
 """Usual thrust lag of small vehicles, where the vehicle file has none."""
 USUAL_LATENCY_S = 0.05

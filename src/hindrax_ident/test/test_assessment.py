@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -27,7 +27,7 @@ from hindrax_ident.assess.assessment import (
     unidentified,
 )
 from hindrax_ident.assess.axis_fit import AxisFit
-from hindrax_ident.assess.influences import GAIN, LAG, LATENCY, MODEL, RUN
+from hindrax_ident.assess.influences import DIFFERENCES, GAIN, INFLUENCES, LAG, LATENCY, MODEL, RUN, Influence
 from hindrax_ident.assess.objections import Code, Objection, objection, unnamed
 from hindrax_ident.assess.quality import Evidence, excitation, measured_speed, measurement_noise
 from hindrax_ident.assess.results import Contribution, NextStep
@@ -99,9 +99,12 @@ class Stand:
         self.starts: list[list[float]] = []
         self.searched: list[tuple[list[float], float]] = []
         self._fit, self._found = fit, found or (0.0, 1.0, 0.0, 1.0)
+        self.uneven, self.searched_lags, self.rows = False, 0, set[str]()
+        patch.setattr(module, "lags_differ", lambda *_: self.uneven)
+        patch.setattr(module, "fit_with_uneven_lag", self.fit_with_uneven_lag)
         patch.setattr(module, "refine", self.refine)
         patch.setattr(module, "fit_with_delays", self.fit_with_delays)
-        patch.setattr(module, "budget_of", lambda _case: self)
+        patch.setattr(module, "budget_of", self.budget_of)
 
     def refine(self, _model: Model, _record: Record, start: Array, _belief: Prior) -> OutputErrorFit:
         self.starts.append(start.tolist())
@@ -112,6 +115,17 @@ class Stand:
     ) -> tuple[Record, OutputErrorFit]:
         self.searched.append((start.tolist(), sigma_s))
         return replace(record, lag_s=0.2, latency_s=-0.01), self._fit
+
+    def fit_with_uneven_lag(
+        self, record: Record, fit: OutputErrorFit, _belief: Prior, sigma_s: float
+    ) -> tuple[Record, OutputErrorFit]:
+        assert sigma_s == 0.1
+        self.searched_lags += 1
+        return replace(record, later_s=(0.1, 0.2)), fit
+
+    def budget_of(self, _case: AxisFit, rows: Iterable[Influence]) -> Stand:
+        self.rows = {one.name for one in rows}
+        return self
 
     def found(self, name: str) -> tuple[float, float]:
         lag_s, lag_sigma, late_s, late_sigma = self._found
@@ -163,6 +177,19 @@ def test_delays_that_contradict_the_vehicle_file_are_fitted(
     # From the fit of before, with the prior deviation that the budget has of them.
     assert stand.searched == ([((surge.fit.theta + 1.0).tolist(), 0.1)] if contradicts else [])
     assert (one.record.lag_s, one.record.latency_s) == ((0.2, -0.01) if contradicts else (0.15, 0.01))
+
+
+def test_lags_that_differ_are_fitted_with_the_delays(
+    vehicle: Vehicle, surge: DraftFit, patch: pytest.MonkeyPatch
+) -> None:
+    """Whether delays contradict the file is asked with one lag, behind which no latency can hide."""
+    stand = Stand(patch, surge.fit, 0.051, 0.01, 0.0, 0.01)
+    for uneven, later_s in ((False, (0.0, 0.0)), (True, (0.1, 0.2))):
+        stand.uneven = uneven
+        found = draft_of(vehicle, surge)
+        assert found.moved
+        assert (found.record.lag_s, found.record.later_s, stand.searched_lags) == (0.2, later_s, uneven)
+    assert {one.name for one in INFLUENCES} - stand.rows == {DIFFERENCES}
 
 
 @pytest.mark.parametrize(("sigmas", "contradicts"), [(2.9, False), (3.1, True)])

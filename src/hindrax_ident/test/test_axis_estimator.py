@@ -240,4 +240,5 @@ def test_velocities_derived_from_positions_are_weighed_as_differences() -> None:
             assert (found[0], found[-1]) == pytest.approx((THETA[0], THETA[-1]), rel=0.01)
             # A difference has twice the variance of a position.
             assert math.sqrt(estimator.regression.noise_variance / 2.0) == pytest.approx(estimator.noise, rel=0.05)
-    assert sigmas[0] < 0.3 * sigmas[1]
+    # Neither knows whether the thrust goes later than it comes.
+    assert sigmas[0] < 0.6 * sigmas[1]

@@ -210,7 +210,7 @@ def test_a_wrong_lag_is_measured(vehicle: Vehicle) -> None:
     record = record_of(Model(0, 15.22), SURGE, lag_s=0.10)
     found, sigma = budget(vehicle, record, fitted(vehicle, record)).found("thrust lag")
     assert found == pytest.approx(0.05, abs=0.02)
-    assert sigma < 0.01
+    assert sigma < 0.015
 
 
 def test_a_lopsided_hull_is_named(vehicle: Vehicle) -> None:

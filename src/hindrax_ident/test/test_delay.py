@@ -262,7 +262,7 @@ def test_a_search_begins_at_the_prior_where_its_start_diverges(late: Record) -> 
     assert hopeless._begin(unknown, delays)[1] is None
     nothing = hopeless.run(unknown, delays)
     assert nothing.error == math.inf
-    assert (nothing.lag_s, nothing.latency_s) == (0.1, 0.2)
+    assert nothing.delays_s.tolist() == [0.1, 0.2]
     assert nothing.theta.tolist() == diverging.tolist()
 
 
@@ -327,8 +327,7 @@ def test_the_mass_has_to_be_positive_and_nothing_else(late: Record) -> None:
 @pytest.mark.parametrize("start", STARTS)
 def test_lag_and_latency_are_found_from_every_start(late: Record, start: tuple[float, float]) -> None:
     found = search_of(late).run(PRIOR.values, array(np.array(start)))
-    assert found.lag_s == pytest.approx(LAG_S, abs=0.02)
-    assert found.latency_s == pytest.approx(LATENCY_S, abs=0.02)
+    assert found.delays_s == pytest.approx([LAG_S, LATENCY_S], abs=0.02)
     assert found.theta == pytest.approx(THETA, rel=0.06, abs=0.6)
     # Mean absolute value of noise of 2 mm/s.
     assert found.error == pytest.approx(0.002 * math.sqrt(2.0 / math.pi), rel=0.1)
@@ -343,7 +342,7 @@ def test_the_best_of_the_starts_counts(late: Record) -> None:
 
 def test_delays_that_are_accepted_stay(late: Record) -> None:
     found = search_delay(SURGE, replace(late, prior_delays_s=(0.4, -0.1)), PRIOR.values, PRIOR, 1e-6)
-    assert (found.lag_s, found.latency_s) == pytest.approx((0.4, -0.1), abs=1e-3)
+    assert found.delays_s == pytest.approx([0.4, -0.1], abs=1e-3)
 
 
 @pytest.mark.parametrize("sigma_s", [0.3, 0.01, 1e-5])
@@ -372,7 +371,9 @@ class Rounds:
         self.fitted, self._found, self._sigma_s = list[tuple[float, float]](), iter(found), sigma_s
         self.problem = self.whitener = None
         self.model, self.theta = SURGE, THETA
-        patch.setattr(module, "search_delay", lambda *_: DelayEstimate(0.0, 0.5, -0.2, THETA))
+        patch.setattr(
+            module, "search_delay", lambda *_: DelayEstimate(0.0, THETA, array([0.5, -0.2]), array([0.0, 0.0]))
+        )
         patch.setattr(module, "refine", self.refine)
         patch.setattr(module, "_Search", lambda *_, **__: self)
 
@@ -388,7 +389,7 @@ class Rounds:
         assert tuple(delays) == self.fitted[-1]
         lag_s, latency_s = next(self._found)
         error = 0.0 if math.isfinite(lag_s) else math.inf
-        return DelayEstimate(error, lag_s, latency_s, THETA, (self._sigma_s, self._sigma_s))
+        return DelayEstimate(error, THETA, array([lag_s, latency_s]), array(np.full(2, self._sigma_s)))
 
 
 @pytest.mark.parametrize(

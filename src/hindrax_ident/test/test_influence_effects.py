@@ -592,7 +592,7 @@ def test_a_gain_of_the_velocity_scales_every_reading(case: AxisFit) -> None:
     assert found[:, 0] == pytest.approx([V[0], V[3], S[3], S[30]])
     assert row("gain of the velocity").of_readings
     of_ranges = {"speed of sound of the sonar", "angle of sonar and wall", "wander of the heading"}
-    of_velocities = {"gain of the velocity", "filter of the velocity"}
+    of_velocities = {"gain of the velocity", "filter of the velocity", "averaging of the velocity"}
     assert {one.name for one in INFLUENCES if one.of_readings} == {*of_velocities, *of_ranges}
 
 
@@ -609,6 +609,41 @@ def test_a_filter_that_was_undone_too_far_enlarges_what_changes_and_no_place(cas
     effect = found.effect(replace(filtered, fit=read))
     assert effect[:, 0] == pytest.approx([0.0, apart[3], 0.0, apart[30]])
     assert abs(apart[30]) > 0.01
+
+
+def test_means_of_an_even_change_are_its_values_and_of_one_that_bends_they_are_not(case: AxisFit) -> None:
+    """Of a sine a mean over T leaves sin(w T / 2) / (w T / 2); where a record begins or ends it is a shorter one."""
+    row_of_it, index = row("averaging of the velocity"), np.array([0, 400, 700, 800, 1000])
+    times, starts = array(np.linspace(0.0, 10.0, 1001)), np.arange(1001) == 0
+    for v, left in ((array(0.2 + 0.1 * times), 1.0), (array(np.sin(3.0 * times)), math.sin(0.45) / 0.45)):
+        way = array(np.concatenate([[0.0], np.cumsum(0.005 * (v[1:] + v[:-1]))]))
+        fit = moved(case.fit, v, way, times, starts)
+        read = replace(fit.problem, t=times[index], index=index, channel=np.array([0, 0, 1, 0, 0]))
+        found = row_of_it.effect(replace(case, fit=replace(fit, problem=read)))[:, 0]
+        assert found[1:4] == pytest.approx([(left - 1.0) * v[400], 0.0, (left - 1.0) * v[800]], abs=1e-4)
+
+
+def test_only_an_instrument_that_nobody_describes_may_average(case: AxisFit) -> None:
+    found, foreign = row("averaging of the velocity"), replace(case, tuning=Tuning(lag_doubt_s=0.1))
+    assert (found.sigma(case), found.sigma(foreign)) == (0.0, 1.0)
+    for known in (replace(case.record, smoothing_s=0.5), replace(case.record, means=((1.0, 0.5),))):
+        assert found.sigma(replace(foreign, record=known)) == 0.0
+
+
+def test_a_longer_lag_of_what_goes_or_turns_round_keeps_what_it_takes_longer(case: AxisFit) -> None:
+    """All of a change to less, and of one to the other side all that there was, for a second each."""
+    times = array(np.linspace(0.0, 40.0, 401))
+    commands = Series(array(np.arange(0.0, 40.0, 5.0)), array(np.array([0.0, 6.0, 2.0, 8.0, -4.0, -10.0, 0.0, 0.0])))
+    record = replace(case.record, thrust=commands, lag_s=0.2)
+    still = array(np.zeros(401))
+    flown = replace(case, record=record, fit=moved(case.fit, still, still, times, np.arange(401) == 0))
+    found = np.cumsum(row("lags that differ").effect(flown), axis=0)
+    ends = np.searchsorted(times, np.arange(4.9, 40.0, 5.0))
+    assert found[ends, 0] == pytest.approx([0.0, 0.0, 4.0, 4.0, 4.0, 4.0, -6.0, -6.0], abs=0.02)
+    assert found[ends, 1] == pytest.approx([0.0, 0.0, 0.0, 0.0, 8.0, 8.0, 8.0, 8.0], abs=0.02)
+    # A change of D is late by D of the largest command.
+    squares = np.cumsum([0.0, 36.0, -16.0, 36.0, -144.0, -36.0, 100.0, 0.0]) / flown.pull
+    assert found[ends, 2] == pytest.approx(-squares, abs=0.02)
 
 
 # ---- coasts
@@ -635,6 +670,8 @@ def test_a_coast_begins_at_half_the_speed_and_lasts_a_second(
 ) -> None:
     assert _coasts(coasting(case, off_s, speed)) is shown
     assert row("inflow loss").shown(coasting(case, off_s, speed)) is shown
+    # Without coasts, lags that differ look like inflow.
+    assert row("lags that differ").or_else(coasting(case, off_s, speed)) == ("" if shown else "inflow loss")
     assert not row("sag over the run").shown(case)
 
 
@@ -694,6 +731,7 @@ PRIORS: dict[str, tuple[str, float, bool, float, str, bool]] = {
     "dead bands that differ": (MODEL, 1.0, False, 0.03, "", False),
     "dead band of the thrust": (MODEL, 1.0, False, 1.0, "", False),
     "exponent of the thrust": (MODEL, 0.05, False, 0.03, "", False),
+    "lags that differ": (MODEL, 0.05, False, 1.0, "", False),
     "thrust lag": (RUN, 0.003, False, 1.0, "", False),
     "latency of the velocity": (RUN, 0.003, False, 1.0, "", False),
     "stamps of the record": (RUN, 0.002, True, 1.0, "", False),
@@ -729,7 +767,8 @@ def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: AxisFit) 
             alone,
             loss,
         )
-    others = [one for one in INFLUENCES if one.name not in (*PRIORS, OTHER_AXES, "averaging of the table")]
+    of_tables = "averaging of the table", "averaging of the velocity"
+    others = [one for one in INFLUENCES if one.name not in (*PRIORS, OTHER_AXES, *of_tables)]
     assert all(one.considered for one in others)
     plain = {one.name for one, _ in acting(case)}
     doubts = {"dead band of the thrust", "exponent of the thrust", "friction of the tether", "stamps of the record"}

@@ -100,8 +100,8 @@ SAID = {
         Code.PERHAPS_SMOOTHED, filter_s=0.98
     ): "the velocity looks smoothed, as by a filter of 0.98 s that cannot "
     "be undone here, which is in the uncertainty: record it as the instrument gives it",
-    objection(Code.LATE_STOPS, later_s=0.448): "the thrust goes 0.45 s later than it comes, as of propellers that turn "
-    "on, which the fit knows: speed controllers that brake make it shorter",
+    objection(Code.UNEVEN_LAG, goes_s=0.448, turns_s=-0.02): "the lag of the thrust is +0.45 s longer as it goes "
+    "than as it comes, -0.02 s as it turns round, which the fit knows",
     objection(Code.RAMPING_THRUST, ramp_s=0.75): "the thrust ramps, 0.75 s from zero to its largest, which the fit "
     "knows: record it behind what limits its rate",
     objection(Code.JOINT_OF_MEANS, how="a moving mean", mean_s=0.98): "the velocity is smoothed, as by a moving mean "

@@ -15,6 +15,7 @@ from hindrax_ident.assess.results import truth_of
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import Model, areas_across, model_of, motions_of
 from hindrax_ident.model.simulation import trajectory
+from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.online import axis_estimator
 from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.axis_session import AxisSession
@@ -51,6 +52,32 @@ def test_live_bands_hold_for_every_delay_of_every_axis(
     assert np.abs((found - theta) / sigmas).max() < 3.0
     # They are bands of a measurement: a prior is 60 to 100 %.
     assert sigmas[-1] < 0.4 * theta[-1]
+
+
+@pytest.mark.parametrize("axis", [0, 2, 5])
+@pytest.mark.parametrize(("comes_s", "goes_s"), [(0.1, 0.2), (0.2, 0.12)])
+def test_live_bands_hold_where_thrust_goes_by_another_lag_than_it_comes(
+    vehicle: Vehicle, axis: int, comes_s: float, goes_s: float
+) -> None:
+    """Live, a mass of heave was 34.5 +- 0.7 kg for 37.7."""
+    truth, model, motions = truth_of(vehicle), model_of(vehicle, axis), motions_of(axis)
+    ends = (truth[motions[0].name], truth[motions[-1].name])[: 1 + model.split]
+    drag = [one[name] for one in ends for name in ("k_q", "k_l")]
+    theta = np.array([*drag, ends[0]["b"], model.rigid + ends[0]["added_mass"]])
+    levels = [part for one in LEVELS[axis] for part in (one, 0.0, -one, 0.0)] * 2
+    plan = Plan(array(np.arange(len(levels)) * 4.0), array(np.array(levels)), 4.0 * len(levels))
+    t = array(np.arange(0.0, plan.end_s, 0.01))
+    thrust = LaggedThrust(plan.times_s, plan.forces, comes_s, (goes_s - comes_s,) * 2)
+    flight = fly(
+        model, theta, Plan(t, array(np.diff(thrust.impulse(np.append(t, plan.end_s))) / 0.01), plan.end_s), 0.0
+    )
+    told = replace(flight, times_s=plan.times_s, commands=plan.forces)
+    session = Session(vehicle, every_s=math.inf)
+    inputs = events(told, axis, motions[0].name, sensors_of(axis), np.random.default_rng(1))
+    for event in Feed(vehicle, session.tuning).all(sorted(inputs, key=lambda one: one.stamp)):
+        session.step(event)
+    found, covariance = session._axes[axis].estimator.estimate()
+    assert np.abs((found - theta) / np.sqrt(np.diag(covariance))).max() < 3.0
 
 
 def test_a_new_axis_begins_with_the_delays_of_the_vehicle_file(vehicle: Vehicle) -> None:

@@ -192,6 +192,34 @@ def test_inflow_takes_its_share_of_ten_newtons_and_goes_with_the_root_of_thrust(
     assert (lost[1], lost[2], lost[5]) == pytest.approx((0.0,) * 3, abs=1e-9)
 
 
+def test_thrust_that_goes_later_keeps_what_it_takes_longer() -> None:
+    """All of a force that goes to nothing for the longer lag, of one that turns round as well; none of what comes."""
+    world = made(late_stops=0.1)
+    plant, dt = plant_of(world), 0.005
+    for pulses, wanted in ((AHEAD, 0.0), ([1500.0] * 8, 1.0), (AHEAD, 0.0), ([3000.0 - one for one in AHEAD], 1.0)):
+        before = [
+            plant.targets_N[index] * wrench_per_newton(VEHICLE, one)[0] for index, one in enumerate(VEHICLE.thrusters)
+        ]
+        plant.drive(pulses)
+        kept = sum(dt * wrench(world, plant, dt)[0] for _ in range(600))
+        assert kept == pytest.approx(0.1 * wanted * sum(before), abs=0.01)
+        assert wrench(world, plant, dt) == pytest.approx((0.0,) * 6, abs=1e-3)
+
+
+def test_thrust_of_thrusters_without_a_lag_goes_by_its_own() -> None:
+    at_once = replace(VEHICLE, thrusters=tuple(replace(one, lag_s=0.0) for one in VEHICLE.thrusters))
+    world = made(at_once, late_stops=0.2)
+    plant = plant_of(world)
+    plant.drive(AHEAD)
+    force = sum(
+        plant.targets_N[index] * wrench_per_newton(VEHICLE, one)[0] for index, one in enumerate(VEHICLE.thrusters)
+    )
+    assert wrench(world, plant)[0] == pytest.approx(0.0)
+    plant.drive([1500.0] * 8)
+    found = [wrench(world, plant)[0] for _ in range(40)]
+    assert found[-1] == pytest.approx(force * math.exp(-0.2 / 0.2), rel=0.02)
+
+
 def test_washes_take_their_share_of_equal_thrusters() -> None:
     alone = plant_of(made())
     both = plant_of(made(thruster_wash=0.05))

@@ -26,7 +26,7 @@ from hindrax_ident.assess.results import Results
 from hindrax_ident.fit.joint import Delays, fit_jointly
 from hindrax_ident.fit.smoothing import before_filter
 from hindrax_ident.model.motion_model import MOTIONS, lag_s
-from hindrax_ident.records.axis_record import Series
+from hindrax_ident.records.axis_record import LATER, Series
 from hindrax_ident.records.six_axis_record import SixAxisRecord, six_axis_record
 from hindrax_ident.tuning import LAG_SIGMA_S, STAMP_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
@@ -110,10 +110,8 @@ def wants_joint_fit(
     if alone and mean_found(alone):
         return False, "the velocities are means over time, which a fit of all axes together does not know: left out"
     thrusts = [one.code for result in alone.motions.values() for one in result.warnings] if alone else []
-    if Code.LATE_STOPS in thrusts or Code.RAMPING_THRUST in thrusts:
-        return False, (
-            "the thrust is more than a lag of its command, which a fit of all axes together does not know: left out"
-        )
+    if Code.RAMPING_THRUST in thrusts:
+        return False, "the thrust ramps, which a fit of all axes together does not know: left out"
     return True, (
         f"the record pushes on about {count:.1f} axes at once (from {SEVERAL:g} on): all axes are fitted together too, "
         "with the forces that couple them; --no-joint leaves it out"
@@ -153,6 +151,24 @@ def filters_found(results: Results) -> dict[int, float]:
     return {axis: time_s for axis, time_s in every.items() if time_s > 0.0}
 
 
+def lags_found(results: Results) -> tuple[float, float]:
+    """By how much the lags of thrust that goes, and that turns round, are longer by the fits of single axes.
+
+    Parameters
+    ----------
+    results
+        Of all axes, one by one.
+
+    Returns
+    -------
+    tuple[float, float]
+        Medians of those that show it clearly [s]; no difference where none does.
+    """
+    known = [one.quality for one in results.motions.values() if LATER[0] in one.quality]
+    goes_s, turns_s = (float(np.median([one[name] for one in known])) if known else 0.0 for name in LATER)
+    return goes_s, turns_s
+
+
 def mean_found(results: Results) -> Objection:
     """Say that velocities are means over time, where the fit of a single axis has found it; false elsewhere."""
     means = (one for result in results.motions.values() for one in result.warnings if one.code is Code.MEAN_VELOCITY)
@@ -166,6 +182,7 @@ def identify_jointly(
     progress: Callable[[str], None] = lambda _: None,
     *,
     filters_s: Mapping[int, float] = MappingProxyType({}),
+    later_s: tuple[float, float] = (0.0, 0.0),
     against: Objection = NO_OBJECTION,
 ) -> JointResults:
     """Fit all axes over one record, or over several pooled.
@@ -182,6 +199,8 @@ def identify_jointly(
         Called with a sentence about what begins.
     filters_s
         Time constant of the filter that has smoothed the velocities of an axis [s], which is undone (`filters_found`).
+    later_s
+        By how much the lags of thrust that goes, and turns round, are longer [s] (`lags_found`).
     against
         What makes no motion identifiable, of what the single axes have found (`mean_found`).
 
@@ -205,9 +224,9 @@ def identify_jointly(
     foreign = any(source.recording is not None for source in sources)
     tuning = tuned(recordings, task.tuning) if foreign else task.tuning
     try:
+        record = replace(_pooled(recordings, tuning), later_s=later_s)
         fit = fit_jointly(
-            _pooled(recordings, tuning), vehicle, _delays(vehicle, tuning, foreign=foreign), _gain(vehicle, tuning),
-            progress,
+            record, vehicle, _delays(vehicle, tuning, foreign=foreign), _gain(vehicle, tuning), progress
         )  # fmt: skip
     except ValueError as error:
         raise UsageError(f"{sources[0].path}: {error}") from error

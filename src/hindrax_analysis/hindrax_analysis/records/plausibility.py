@@ -26,7 +26,7 @@ FASTEST = (10.0, 12.0)
 """Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
 OF_FITS = (
     *(Code.SMOOTHED_VELOCITY, Code.MEAN_VELOCITY, Code.PERHAPS_SMOOTHED),
-    *(Code.LATE_STOPS, Code.RAMPING_THRUST),
+    *(Code.UNEVEN_LAG, Code.RAMPING_THRUST),
 )
 CONTRADICTED, LEAST_OFF = 3.0, 0.005
 """Least difference of the net buoyancy that is reported: in its deviations, and as a share of the weight."""

@@ -13,7 +13,7 @@ from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.axis_fit import FOUND_DELAY_S, AxisFit
-from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN
+from hindrax_ident.assess.influences import DIFFERENCES, INFLUENCES, LAG, LATENCY, MODEL, RUN
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import Draws
 from hindrax_ident.assess.quality import (
@@ -31,7 +31,7 @@ from hindrax_ident.assess.quality import (
 )
 from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, NextStep, Number
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
-from hindrax_ident.fit.delay import fit_with_delays
+from hindrax_ident.fit.delay import fit_with_delays, fit_with_uneven_lag, lags_differ
 from hindrax_ident.fit.disturbance_noise import common_noise
 from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
 from hindrax_ident.fit.output_error_problem import nearest_start
@@ -47,7 +47,7 @@ from hindrax_ident.model.model_parameters import (
     reported_parameters,
 )
 from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, axis_units, coefficient_units
-from hindrax_ident.records.axis_record import Record
+from hindrax_ident.records.axis_record import LATER, Record
 from hindrax_ident.remedies import FLY_TWICE, Remedy
 from hindrax_ident.tuning import Tuning
 
@@ -226,18 +226,22 @@ def _assess(draft_fit: DraftFit, budget: Budget) -> Assessment:
 
 
 def _with_delays(vehicle: Vehicle, draft_fit: DraftFit, tuning: Tuning) -> DraftFit:
-    """Fit lag and latency as well, where the record contradicts those of the vehicle file.
+    """Fit the delays as well, where the record contradicts those of the vehicle file.
 
     Residuals of a fit with wrong delays show that they are wrong, but not by how much: the mass has taken their place,
     down to its bound. A mass below that of the body is such a contradiction itself.
     """
     record, fit = draft_fit.record, draft_fit.fit
-    budget = budget_of(AxisFit(vehicle, record, fit, tuning, draft_fit.moved))
+    # With one lag: a latency looks like lags that differ, whose prior is wider, and would hide behind them.
+    rows = [one for one in INFLUENCES if one.name != DIFFERENCES]
+    budget = budget_of(AxisFit(vehicle, record, fit, tuning, draft_fit.moved), rows)
     missing = (budget.found(name) for name in (LAG, LATENCY))
     off = [abs(error_s) > max(LEAST_DELAY_S, CONTRADICTION_SIGMAS * sigma_s) for error_s, sigma_s in missing]
     if not any(off) and not _below_body(fit.theta[-1], fit.covariance[-1, -1], fit.model.rigid):
         return draft_fit
     record, fit = fit_with_delays(record, fit.theta, fit.model, draft_fit.prior, FOUND_DELAY_S)
+    if lags_differ(record, fit, FOUND_DELAY_S):
+        record, fit = fit_with_uneven_lag(record, fit, draft_fit.prior, FOUND_DELAY_S)
     return replace(draft_fit, record=record, fit=fit, moved=True)
 
 
@@ -320,8 +324,9 @@ def _causes(assessment: Assessment) -> tuple[Objection, ...]:
         smoothed.append(objection(Code.MEAN_VELOCITY, how=how, mean_s=over_s))
     if record.filter_doubt_s > 0.0:
         smoothed.append(objection(Code.PERHAPS_SMOOTHED, filter_s=record.filter_doubt_s))
-    if record.stops_later_s > 0.0:
-        smoothed.append(objection(Code.LATE_STOPS, later_s=record.stops_later_s))
+    if any(record.later_s):
+        goes_s, turns_s = record.later_s
+        smoothed.append(objection(Code.UNEVEN_LAG, goes_s=goes_s, turns_s=turns_s))
     if record.ramps_s > 0.0:
         smoothed.append(objection(Code.RAMPING_THRUST, ramp_s=record.ramps_s))
     return (*smoothed, *assessment.budget.warnings())
@@ -525,11 +530,13 @@ def _quality(assessment: Assessment) -> dict[str, float]:
         "lag_s": assessment.record.lag_s,
         "latency_s": assessment.record.latency_s,
     }
-    names = "smoothing_s", "filter_doubt_s", "filter_hint_s", "stops_later_s", "ramps_s"
+    names = "smoothing_s", "filter_doubt_s", "filter_hint_s", "ramps_s"
     filters_s = {name: getattr(assessment.record, name) for name in names}
     if means := assessment.record.means:
         filters_s["mean_over_s" if len(means) == 1 else "flat_over_s"] = means[0][1]
     out |= {name: time_s for name, time_s in filters_s.items() if time_s > 0.0}
+    if any(later_s := assessment.record.later_s):
+        out |= dict(zip(LATER, later_s, strict=True))
     current, sigma = assessment.budget.found("current")
     if math.isfinite(current):
         out |= {"current_mps": current, "current_sigma_mps": sigma}

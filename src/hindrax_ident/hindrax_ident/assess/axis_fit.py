@@ -75,7 +75,7 @@ class AxisFit:
     @cached_property
     def thrust(self) -> Array:
         """Thrust after its lag: (n,) [N, N m]."""
-        return LaggedThrust(self.record.thrust.t, self.record.thrust.y, self.record.lag_s).force(self._thrust_s)
+        return self.record.lagged().force(self.thrust_s)
 
     @cached_property
     def inflow(self) -> Array:
@@ -85,7 +85,7 @@ class AxisFit:
         """
         recorded, vehicle = self.record.forces, self.vehicle
         if len(recorded):
-            return recorded.inflow(self._thrust_s, self.record.lag_s)
+            return recorded.inflow(self.thrust_s, self.record.lag_s)
         held_N = 0.0 if self.axis == HEAVE else vehicle.net_buoyancy_N
         shares = thrust_shares(vehicle, HEAVE) if vehicle.thrusters else {}
         holding = {index: share for index, (_, share) in shares.items()}
@@ -165,7 +165,8 @@ class AxisFit:
         return largest(self.record.thrust.y)
 
     @property
-    def _thrust_s(self) -> Array:
+    def thrust_s(self) -> Array:
+        """Times of the grid by the stamps of the thrust: (n,) [s]."""
         return self.fit.problem.grid.times_s - self.record.latency_s
 
     @property
@@ -246,7 +247,7 @@ class AxisFit:
         """
         times_s = self.record.thrust.t if times_s is None else times_s
         totals = [LaggedThrust(times_s, one, self.record.lag_s) for one in commands.T]
-        return per_step(np.stack([one.impulse(self._thrust_s) for one in totals], axis=1), self.fit.problem.grid.starts)
+        return per_step(np.stack([one.impulse(self.thrust_s) for one in totals], axis=1), self.fit.problem.grid.starts)
 
     def delayed(self, time_s: float) -> Array:
         """Velocity through a first-order lag, from rest at the start of each stretch: (n,) [m/s, rad/s]."""

@@ -20,10 +20,11 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.axis_fit import HEAVE, PITCH, SURGE, YAW, AxisFit
 from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares, usual_losses
-from hindrax_ident.fit.delay import lag_impulse, latency_impulse
+from hindrax_ident.fit.delay import lag_impulse, latency_impulse, later_impulses
 from hindrax_ident.fit.mean_velocities import mean_velocities
 from hindrax_ident.model.motion_model import HORIZONTAL, INCIDENCE, areas_across
 from hindrax_ident.model.simulation import per_step
+from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import LEAST_COUPLING, about_samples
 from hindrax_ident.remedies import (
     COAST,
@@ -36,7 +37,7 @@ from hindrax_ident.remedies import (
     WEIGH_THRUST,
     Remedy,
 )
-from hindrax_ident.tuning import Tuning
+from hindrax_ident.tuning import LAG_DIFFERENCE_S, Tuning
 
 DEADBAND_SIGMA = 0.5
 """Standard deviation of the share of thrust missing inside a dead band that no file describes [-]."""
@@ -61,6 +62,8 @@ COASTS_FROM, COAST_S = 0.5, 1.0
 """Share of the highest speed that a coast has at least once [-], and how long it lasts at least [s]."""
 MEMORY_S, WAKE_S = 1.0, 4.0
 """Time constants of fluid memory, and of the vehicle's own wake."""
+VELOCITY_OVER_S = 0.3
+"""Time over which an instrument may average its velocities: one interval at 3 Hz."""
 AVERAGED_S, AVERAGING = 1.0, 0.5
 """Time over which the rows of a table may be averages [s], and how much of what that hides they may hide [-]."""
 TETHER = 0.04
@@ -75,6 +78,7 @@ IDLING = 10.0
 """Percentile of the effort that is that of idle thrusters."""
 OTHER_AXES = "forces of the other axes"
 LAG, LATENCY, STAMPS, LOOKS = "thrust lag", "latency of the velocity", "stamps of the record", "looks at the pulses"
+DIFFERENCES = "lags that differ"
 GAIN, RUN, MODEL = "gain", "run", "model"
 """Scope of a row: scales all forces; differs in each run, so it belongs to `std`; is missing in the model."""
 
@@ -215,6 +219,26 @@ def _load(case: AxisFit) -> Array:
 
 def _lag(case: AxisFit) -> Array:
     return lag_impulse(case.record, case.fit.problem.grid)
+
+
+def _differences(case: AxisFit) -> Array:
+    """Change by a second of the lag of thrust that goes, of thrust that turns round, and of changes by their size.
+
+    To first order a change that is later by T takes T of itself from the impulse, as a latency does.
+    """
+    y, grid = case.record.thrust.y, case.fit.problem.grid
+    changes = np.diff(y, prepend=0.0)
+    by_size = np.cumsum(changes * np.abs(changes)) / max(1e-9, case.pull)
+    slower = LaggedThrust(case.record.thrust.t, array(by_size), case.record.lag_s).force(case.thrust_s)
+    return np.hstack([later_impulses(case.record, grid), per_step(-slower[:, None], grid.starts)])
+
+
+def _averaged_velocity(case: AxisFit) -> Array:
+    """Velocities that are means in place of values: what is taken off goes with the square of their time."""
+    grid, problem, path = case.fit.problem.grid, case.fit.problem, case.fit.linear.path
+    states = np.stack([path.v, path.s], axis=1)
+    means = mean_velocities(problem.t, grid.times_s, grid.bounds[:, problem.index], VELOCITY_OVER_S)
+    return np.where(problem.channel == 0, means.of(states) - problem.predicted(states), 0.0)[:, None]
 
 
 def _dead_band(case: AxisFit) -> Array:
@@ -450,6 +474,12 @@ def _filter_doubt(case: AxisFit) -> float:
     return FILTER_SIGMA * known_s + case.record.filter_doubt_s
 
 
+def _instrument_averages(case: AxisFit) -> float:
+    """Of an instrument that nobody describes; where its filter was found, that has a row of its own."""
+    known = case.record.means or case.record.smoothing_s > 0.0
+    return 0.0 if known or case.tuning.lag_doubt_s is None else 1.0
+
+
 def _of_ranges(sigma: float) -> Callable[[AxisFit], float]:
     """Of a record of ranges to a wall alone."""
     return lambda case: sigma if case.record.ranged else 0.0
@@ -530,6 +560,11 @@ INFLUENCES: tuple[Influence, ...] = (
         Remedy("measure the thrust lag with `./hindrax step`", "./hindrax step --help"),
     ),
     Influence(
+        DIFFERENCES, "s", MODEL, _always(LAG_DIFFERENCE_S), _differences,
+        Remedy("measure how the thrust comes and goes, or coast more often", condition="late_stops"),
+        or_else=lambda case: "" if _coasts(case) else "inflow loss",
+    ),
+    Influence(
         LATENCY, "s", RUN, lambda case: case.delay_sigma_s,
         lambda case: latency_impulse(case.record, case.fit.problem.grid),
         Remedy("set velocity_latency_s to the latency of the instrument"),
@@ -579,6 +614,10 @@ INFLUENCES: tuple[Influence, ...] = (
         "averaging of the table", "of that over 1 s", RUN,
         lambda case: 0.0 if case.tuning.lag_doubt_s is None else AVERAGING, _averaging,
         Remedy("record forces and velocities as they are, at their own rates"),
+    ),
+    Influence(
+        "averaging of the velocity", "of that over 0.3 s", RUN, _instrument_averages, _averaged_velocity,
+        Remedy("record the velocity as the instrument gives it"), of_readings=True,
     ),
     Influence(
         "own wake", "-", MODEL, _always(0.12), _wake,

@@ -73,7 +73,7 @@ class Code(StrEnum):
     SMOOTHED_VELOCITY = "smoothed_velocity"
     MEAN_VELOCITY = "mean_velocity"
     PERHAPS_SMOOTHED = "perhaps_smoothed"
-    LATE_STOPS = "late_stops"
+    UNEVEN_LAG = "uneven_lag"
     RAMPING_THRUST = "ramping_thrust"
     EVIDENCE = "evidence"
     UNEXPLAINED_RESIDUALS = "unexplained_residuals"
@@ -157,8 +157,8 @@ SENTENCES: Mapping[Code, str] = {
     "the instrument gives it",
     Code.PERHAPS_SMOOTHED: "the velocity looks smoothed, as by a filter of {filter_s:.2g} s that cannot be undone "
     "here, which is in the uncertainty: record it as the instrument gives it",
-    Code.LATE_STOPS: "the thrust goes {later_s:.2g} s later than it comes, as of propellers that turn on, which the "
-    "fit knows: speed controllers that brake make it shorter",
+    Code.UNEVEN_LAG: "the lag of the thrust is {goes_s:+.2f} s longer as it goes than as it comes, {turns_s:+.2f} s "
+    "as it turns round, which the fit knows",
     Code.RAMPING_THRUST: "the thrust ramps, {ramp_s:.2g} s from zero to its largest, which the fit knows: record it "
     "behind what limits its rate",
     Code.EVIDENCE: "evidence of {influence} ({shown} {unit}): {remedy}",

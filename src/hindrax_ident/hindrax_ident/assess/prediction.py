@@ -19,7 +19,7 @@ from hindrax_ident.fit.output_error_problem import OutputErrorProblem, build_pro
 from hindrax_ident.model.model_parameters import parameters_of
 from hindrax_ident.model.motion_model import Model, model_of, motions_of
 from hindrax_ident.model.simulation import Trajectory, sensitivities, trajectory
-from hindrax_ident.records.axis_record import Record, Stretch
+from hindrax_ident.records.axis_record import LATER, Record, Stretch
 
 WINDOW_S = 10.0
 START_S = 1.0
@@ -197,10 +197,11 @@ def predict_record(
 
 
 def with_delays_of(record: Record, qualities: Iterable[Mapping[str, float]]) -> Record:
-    """The record with lag and latency that a fit found (`quality` of its motions); as it is where there are none."""
+    """The record with the delays that a fit found (`quality` of its motions); as it is where there are none."""
     for one in qualities:
         if "lag_s" in one and "latency_s" in one:
-            return replace(record, lag_s=one["lag_s"], latency_s=one["latency_s"])
+            goes_s, turns_s = (one.get(name, 0.0) for name in LATER)
+            return replace(record, lag_s=one["lag_s"], latency_s=one["latency_s"], later_s=(goes_s, turns_s))
     return record
 
 

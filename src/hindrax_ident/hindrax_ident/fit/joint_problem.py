@@ -323,7 +323,7 @@ class JointProblem:
     def _thrust(self, grid: Grid, lag_s: float) -> Array:
         """Mean thrust of each step: (n - 1, 6) [N, N m]."""
         r = self.record
-        impulses = [LaggedThrust(r.wrench_t, one, lag_s).impulse(grid.times_s) for one in r.wrench.T]
+        impulses = [LaggedThrust(r.wrench_t, one, lag_s, r.later_s).impulse(grid.times_s) for one in r.wrench.T]
         return np.diff(np.stack(impulses, axis=1), axis=0) / grid.step_s
 
     def _resisting(self, state: State) -> Array:

@@ -5,8 +5,8 @@ times the true one, and of its residuals an inflow loss that is none. Three kind
 filter did, as that of an estimator, is undone exactly, v = y + T y', at the price of noise. What a moving average
 leaves, or a filter forward and backward, is computed from the motion of the fit (`mean_velocities`); with a latency it
 is one of the past. Which kind and how long is told by the fit of what was before: its motion, smoothed again, is nearer
-to the record than without any. A thrust lag leaves no such gain; thrust that is more than a lag looks like smoothing,
-and is looked for with it (`uneven_thrust`).
+to the record than without any. A thrust lag leaves no such gain; thrust that ramps, or that goes by another lag than it
+comes, looks like smoothing, and is looked for with it (`ramping_thrust`, `delay`).
 """
 
 import math
@@ -17,17 +17,15 @@ from typing import NamedTuple
 import numpy as np
 
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.fit.delay import fit_with_delays, search_delay
+from hindrax_ident.fit.delay import EARLY_S, fit_with_delays, fit_with_uneven_lag, lags_differ, search_delay
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
-from hindrax_ident.fit.uneven_thrust import ramping, stopping_later
+from hindrax_ident.fit.ramping_thrust import ramping
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.records.axis_record import Record, Series
 
 SUSPECT_LAG_S = 0.2
 """Fitted lag from which smoothing is looked for: most thrusters have less."""
-EARLY_S = -0.02
-"""Time by which a motion comes before its command, from which it is looked for: what is to come is in a mean."""
 NEARER = 0.8
 """Error of the motion with a filter, in that without, up to which there is one: of nine records with one of 0.5 to 2 s
 it was 0.13 to 0.77, of thrust that ramps 0.75 and more, of other records 0.95 and more."""
@@ -104,9 +102,7 @@ FILTER = _Kind((0.3, 0.45, 0.68, 1.0, 1.5, 2.3, 3.4), 1.0, unsmoothed, _behind_f
 MEAN = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), averaged, _as_means)
 FLAT = _Kind((0.4, 0.6, 0.9, 1.35, 2.0, 3.0), math.sqrt(12.0), flattened, _as_means)
 """Each time is 1.5 of the one before, for an error of one by a third is clearly seen."""
-STOPS = _Kind((0.15, 0.25, 0.4, 0.65, 1.0), 1.0, stopping_later, _as_means)
 RAMP = _Kind((0.3, 0.5, 0.8, 1.2, 1.8), 1.0, ramping, _as_means)
-OF_THRUST = (STOPS, RAMP)
 """No smoothing, but what looks like it: thrust that follows its command otherwise than by a lag."""
 
 
@@ -138,32 +134,37 @@ def with_smoothing(
     -------
     tuple[Record, OutputErrorFit]
         The record without its filter (`smoothing_s`), of means (`means`), or with thrust that is more than a lag
-        (`stops_later_s`, `ramps_s`), and its fit; both as they were where there is none. But for the doubt
+        (`goes_later_s`, `ramps_s`), and its fit; both as they were where there is none. But for the doubt
         (`filter_doubt_s`) where the record has one, and without it the body could not be, and for the hint
         (`filter_hint_s`) of a filter that explains little.
     """
     suspect = record.lag_s >= SUSPECT_LAG_S or record.lag_s + record.latency_s < EARLY_S
+    # Thrust that goes later than it comes is no smoothing either, but what looks like it.
+    differ = fit.problem.main == 0 and lags_differ(record, fit, sigma_s)
+    uneven = fit_with_uneven_lag(record, fit, prior, sigma_s) if differ else (record, fit)
     if not suspect or fit.problem.main != 0:
-        return record, fit
+        return uneven
     search = _Search(record, fit, model, prior, sigma_s)
     none, measured = search.none, fit.problem.y[fit.problem.channel == 0]
     if none.error > MOST_LEFT * float(np.sqrt(np.mean(measured**2))):
-        return record, fit
-    found = {kind: search.coarse(kind) for kind in (FILTER, MEAN, *OF_THRUST)}
+        return uneven
+    found = {kind: search.coarse(kind) for kind in (FILTER, MEAN, RAMP)}
     # What is nearly alike is far off as well.
     if search.best(found[MEAN]).error < HINT * none.error:
         found[FLAT] = search.coarse(FLAT)
     kind = min(found, key=lambda one: search.best(found[one]).error)
     best = search.best(found[kind])
+    if _as_means(*uneven, 0.0) < min(best.error, HINT * none.error):
+        return uneven
     if best.error > NEARER * none.error:
         hint = search.best(found[FILTER])
         likely = hint.error < HINT * none.error
-        return (replace(record, filter_hint_s=hint.time_s), fit) if likely else (record, fit)
+        return (replace(uneven[0], filter_hint_s=hint.time_s), uneven[1]) if likely else uneven
     best = search.fine(kind, found[kind])
     # What is no such thing may look like it, and without it moves a body that is too light, and before its command.
     # Where the velocities of other axes were smoothed as well, their forces act late, with the same signs. One axis
     # alone does not tell which.
-    in_doubt = (record, fit) if kind in OF_THRUST else (replace(record, filter_doubt_s=best.time_s / kind.spread), fit)
+    in_doubt = uneven if kind is RAMP else (replace(record, filter_doubt_s=best.time_s / kind.spread), fit)
     try:
         known, better = fit_with_delays(kind.without(record, best.time_s), best.theta, model, prior, sigma_s)
     except ValueError:
@@ -195,7 +196,7 @@ class _Search:
             if one is None or one.error > FAR * self.best(tried).error:
                 break
             tried.append(one)
-            if kind in OF_THRUST and self.best(tried) not in tried[-2:]:
+            if kind is RAMP and self.best(tried) not in tried[-2:]:
                 break
         return tried
 
@@ -223,8 +224,7 @@ class _Search:
         without = kind.without(self._record, time_s)
         try:
             delays = search_delay(self._model, without, theta, self._prior, self._sigma_s)
-            late = replace(without, lag_s=delays.lag_s, latency_s=delays.latency_s)
-            fitted = refine(self._model, late, delays.theta, self._prior, rough=True)
+            fitted = refine(self._model, delays.within(without), delays.theta, self._prior, rough=True)
         except ValueError:
             return None
         return _Tried(time_s, fitted.theta, kind.error(self._record, fitted, time_s))

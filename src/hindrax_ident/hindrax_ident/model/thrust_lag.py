@@ -5,6 +5,8 @@ step size.
 """
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import blas
@@ -15,40 +17,80 @@ LEAST_MEMORY_S = 0.02
 """Shortest time constant of an unknown force, where the thrusters have no lag: it is a state of the filters of
 `fit.whitening` and `online.filtered_regression`, and white noise cannot be one."""
 
+SHORT_S = 1e-9
+"""A lag below this is none."""
+SHORTEST_S = 0.01
+"""Lag of thrust that comes, beside others: of one at once, Newton's method finds no thrust after a change of lags."""
+MOST_STEPS, SETTLED = 50, 1e-13
+"""Steps of Newton's method, and the change, of the largest command, from which it has settled [-]."""
+
 
 class LaggedThrust:
-    """Thrust on one axis over a whole record: `times_s` (n,) increasing, `commands` (n,) [N, N m] from each time on."""
+    """Thrust on one axis over a whole record: `times_s` (n,) increasing, `commands` (n,) [N, N m] from each time on.
 
-    __slots__ = ("_commands", "_impulses", "_lagged", "_times", "lag_s")
+    What goes, toward zero, may have a lag that is longer by `later_s` than that of what comes, and so may what goes
+    because it turns round, whose command is on the other side of zero.
+    """
 
-    def __init__(self, times_s: Array, commands: Array, lag_s: float) -> None:
+    __slots__ = ("_commands", "_impulses", "_lagged", "_lags_s", "_times")
+
+    def __init__(
+        self, times_s: Array, commands: Array, lag_s: float, later_s: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
         if len(times_s) == 0:
             raise ValueError("no thrust in the record, wanted at least one command")
-        self.lag_s = lag_s
         self._times, self._commands = np.asarray(times_s, float), np.asarray(commands, float)
-        steps = np.diff(self._times)
-        self._lagged = _lagged(self._commands, steps, lag_s)
-        decay = _decay(steps, lag_s)
-        pieces = self._commands[:-1] * steps + (self._lagged[:-1] - self._commands[:-1]) * lag_s * (1.0 - decay)
-        self._impulses = np.concatenate([[0.0], np.cumsum(pieces)])
+        self._lags_s: Array | float = lag_s
+        if any(later_s):
+            lags = _Lags(max(lag_s, SHORTEST_S), *(max(0.0, lag_s + one) for one in later_s))
+            self._times, self._commands, self._lagged, self._lags_s = _pieces(self._times, self._commands, lags)
+        else:
+            self._lagged = _lagged(self._commands, np.diff(self._times), lag_s)
+        pieces = self._since(np.arange(len(self._times) - 1), np.diff(self._times))
+        self._impulses = np.append(0.0, np.cumsum(pieces))
 
     def force(self, at_s: Array) -> Array:
         """Thrust after the lag: (n,) [N, N m]; before the first command, that command."""
         index, since = self._locate(at_s)
         command = self._commands[index]
-        return np.asarray(command + (self._lagged[index] - command) * _decay(since, self.lag_s))
+        return np.asarray(command + (self._lagged[index] - command) * _decay(since, self._lag_s(index)))
 
     def impulse(self, at_s: Array) -> Array:
         """Integral of the thrust from the first command to each time: (n,) [N s, N m s]; negative before it."""
         index, since = self._locate(at_s)
-        command, gap = self._commands[index], self._lagged[index] - self._commands[index]
-        fading = gap * self.lag_s * (1.0 - _decay(since, self.lag_s))
-        return np.asarray(self._impulses[index] + command * since + fading)
+        return np.asarray(self._impulses[index] + self._since(index, since))
+
+    def _since(self, index: Index, since_s: Array) -> Array:
+        """Impulse since a command: (n,) [N s, N m s]."""
+        command, lag_s = self._commands[index], self._lag_s(index)
+        fading = (self._lagged[index] - command) * lag_s * (1.0 - _decay(since_s, lag_s))
+        return np.asarray(command * since_s + fading)
+
+    def _lag_s(self, index: Index) -> Array | float:
+        """Lag after each of these commands [s]."""
+        return self._lags_s[index] if isinstance(self._lags_s, np.ndarray) else self._lags_s
 
     def _locate(self, at_s: Array) -> tuple[Index, Array]:
         """Index of the command in force, (n,), and time since it, (n,) [s]."""
         index = np.maximum(np.searchsorted(self._times, at_s, side="right") - 1, 0)
         return index, np.asarray(at_s, float) - self._times[index]
+
+
+class SumOfThrusts:
+    """Thrust on one axis as a sum of others, each of a weight."""
+
+    __slots__ = ("_parts",)
+
+    def __init__(self, parts: Sequence[tuple[float, LaggedThrust]]) -> None:
+        self._parts = parts
+
+    def force(self, at_s: Array) -> Array:
+        """Thrust: (n,) [N, N m]."""
+        return sum((weight * one.force(at_s) for weight, one in self._parts), start=np.zeros(len(at_s)))
+
+    def impulse(self, at_s: Array) -> Array:
+        """Integral of the thrust to each time: (n,) [N s, N m s]."""
+        return sum((weight * one.impulse(at_s) for weight, one in self._parts), start=np.zeros(len(at_s)))
 
 
 class LaggedInput:
@@ -84,20 +126,71 @@ class LaggedInput:
         self._lagged = self._value + gap * decay
 
 
-def _decay(spans_s: Array, lag_s: float) -> Array:
-    """Share of a lag's transient that is left after each span: (n,) [-]."""
-    if lag_s <= 0.0:
-        return np.zeros_like(spans_s)
-    return np.asarray(np.exp(-np.maximum(spans_s, 0.0) / lag_s))
+def _decay(spans_s: Array, lag_s: Array | float) -> Array:
+    """Share of a lag's transient that is left after each span: (n,) [-]; of no lag nothing."""
+    lags_s = np.asarray(lag_s)
+    kept = np.exp(-np.maximum(spans_s, 0.0) / np.maximum(lags_s, SHORT_S))
+    return np.asarray(np.where(lags_s > 0.0, kept, 0.0))
+
+
+class _Lags(NamedTuple):
+    """Lags of thrust that comes, that goes toward zero, and that turns round, up to zero [s]."""
+
+    comes_s: float
+    goes_s: float
+    turns_s: float
+
+    def of(self, thrusts: Array, commands: Array) -> tuple[Array, Array]:
+        """First lag of each thrust (n,) that follows its command, and when it passes zero: (n,) [s], else never."""
+        turns = thrusts * commands < 0.0
+        lags_s = np.where(turns, self.turns_s, np.where(np.abs(commands) < np.abs(thrusts), self.goes_s, self.comes_s))
+        ratios = np.divide(thrusts, commands, out=np.zeros_like(thrusts), where=turns)
+        return lags_s, np.where(turns, self.turns_s * np.log1p(-ratios), np.inf)
+
+    def after(self, thrusts: Array, commands: Array, steps_s: Array) -> tuple[Array, Array]:
+        """Thrusts (n,) that followed their commands for so long, and their derivatives by those at the begin."""
+        lags_s, zero_s = self.of(thrusts, commands)
+        kept = _decay(steps_s, lags_s)
+        # What has passed zero comes for the rest of the step, and later by what it begins with.
+        come = _decay(steps_s - np.minimum(zero_s, steps_s), self.comes_s)
+        passed = zero_s < steps_s
+        share = np.divide(commands, commands - thrusts, out=np.zeros_like(thrusts), where=passed)
+        slope = np.where(passed, share * self.turns_s / max(self.comes_s, SHORT_S) * come, kept)
+        return np.where(passed, commands * (1.0 - come), commands + (thrusts - commands) * kept), slope
+
+
+def _pieces(times_s: Array, commands: Array, lags: _Lags) -> tuple[Array, Array, Array, Array]:
+    """Pieces of one lag each: begins [s], commands and thrusts at the begin [N, N m], lags [s], (m,) each."""
+    steps_s = np.diff(times_s)
+    thrusts = _lagged(commands, steps_s, lags.comes_s)
+    # Each thrust is a function of the one before, which the commands bend: Newton's method on all of them at once.
+    for _ in range(MOST_STEPS):
+        reached, slope = lags.after(thrusts[:-1], commands[:-1], steps_s)
+        before, thrusts = thrusts, _recursion(slope, np.append(commands[:1], reached - slope * thrusts[:-1]))
+        if np.abs(thrusts - before).max() <= SETTLED * np.abs(commands).max():
+            break
+    lags_s, zero_s = lags.of(thrusts, commands)
+    passed = np.flatnonzero(zero_s < np.append(steps_s, np.inf))
+    at = passed + 1
+    return (
+        np.insert(times_s, at, times_s[passed] + zero_s[passed]),
+        np.insert(commands, at, commands[passed]),
+        np.insert(thrusts, at, 0.0),
+        np.insert(lags_s, at, lags.comes_s),
+    )
 
 
 def _lagged(commands: Array, steps: Array, lag_s: float) -> Array:
     """Thrust after the lag at each command: (n,) [N, N m]; steady at the first."""
     if lag_s <= 0.0:
         return commands.copy()
-    # The recursion l_k+1 = d l_k + (1 - d) c_k is one forward substitution, with -d below a diagonal of ones.
     decay = _decay(steps, lag_s)
-    bands = np.zeros((2, len(commands)), order="F")
-    bands[1, :-1] = -decay
-    driven = np.append(commands[:1], (1.0 - decay) * commands[:-1])
+    return _recursion(decay, np.append(commands[:1], (1.0 - decay) * commands[:-1]))
+
+
+def _recursion(kept: Array, driven: Array) -> Array:
+    """Values x_k+1 = d_k x_k + c_k+1 with x_0 = c_0: (n,)."""
+    # One forward substitution, with -d below a diagonal of ones.
+    bands = np.zeros((2, len(driven)), order="F")
+    bands[1, :-1] = -kept
     return np.asarray(blas.dtbsv(1, bands, driven, lower=1, diag=1))

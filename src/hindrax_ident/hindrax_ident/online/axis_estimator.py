@@ -13,9 +13,9 @@ the coefficients of the delay's shapes; n = p + number of shapes, less one where
 of one velocity, whose variance s^2 is estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
 
 What the covariance of least squares does not contain is added when it is asked for (`estimate`): color of the residuals
-and what differs between parts of the run (`_measured_widening`), shapes beyond the last (`_left_out`), and of a record
-that moves across the drag by incidence (`_by_incidence`). It is computed from sums, so a sample costs the same however
-long the run is.
+and what differs between parts of the run (`_measured_widening`), shapes beyond the last (`_left_out`), thrust that goes
+later than it comes, and of a record that moves across the drag by incidence (`_considered`). It is computed from sums,
+so a sample costs the same however long the run is.
 """
 
 import itertools
@@ -43,7 +43,7 @@ from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.rls import Rls
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.binning import DEPTH_S
-from hindrax_ident.tuning import LAG_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
+from hindrax_ident.tuning import LAG_DIFFERENCE_S, LAG_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 NOISE = 0.01
 """Noise of a velocity [m/s, rad/s] assumed of the first samples, and to weight the prior against them."""
@@ -129,9 +129,10 @@ class AxisEstimator:
         sigmas += [delay_sigma_s**order * values[-1] / NOISE for order in range(1, self._shapes + 1)]
         values += [0.0] * self._shapes
         self._rls = Rls(values, sigmas, tuning.forgetting)
-        self._whitener = RowWhitener(len(values) + 1 + model.turns, lag_s, float(prior.values[-1]))
-        # Sum over the rows of x times the column of incidence, and the highest speed: `_by_incidence`.
-        self._along, self._fastest = (0.0,) * len(values), 0.0
+        considered = bool(self._shapes) + model.turns
+        self._whitener = RowWhitener(len(values) + 1 + considered, lag_s, float(prior.values[-1]))
+        # Sums over the rows of x times each column that is considered, and the highest speed: `_considered`.
+        self._along, self._fastest = [(0.0,) * len(values)] * considered, 0.0
         self.correlator = Correlator()
         self._filter = JointFilter(model, self._lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
         self._sum: tuple[float, ...] = ()
@@ -299,12 +300,12 @@ class AxisEstimator:
     def _summed(self, sample: Sample, pause: float) -> Sample:
         """Leaky integral of the rows, which turns differences of measured positions back into positions."""
         keep = math.exp(-pause / SUMMED_S)
-        row = (*sample.x, *sample.shapes, sample.y, *sample.incidence)
+        row = (*sample.x, *sample.shapes, sample.y, *sample.considered)
         past = self._sum or (0.0,) * len(row)
         self._sum = tuple(keep * old + new for old, new in zip(past, row, strict=True))
         columns, y = len(sample.x), len(sample.x) + len(sample.shapes)
-        x, shapes, incidence = self._sum[:columns], self._sum[columns:y], self._sum[y + 1 :]
-        return replace(sample, x=x, shapes=shapes, y=self._sum[y], incidence=incidence)
+        x, shapes, considered = self._sum[:columns], self._sum[columns:y], self._sum[y + 1 :]
+        return replace(sample, x=x, shapes=shapes, y=self._sum[y], considered=considered)
 
     def _refusal(self, sample: Sample | None, pause_s: float, age_s: float) -> Coded[NotLearned]:
         if math.isnan(age_s):
@@ -323,14 +324,14 @@ class AxisEstimator:
         velocities are summed instead of whitened: their noise is that of a difference, not of a disturbance. An outlier
         leaves no trace, neither in the filters nor in the whitening; so nothing is updated before it is judged.
         """
-        x, y, incidence = (*sample.x, *sample.shapes), sample.y, sample.incidence
+        x, y, considered = (*sample.x, *sample.shapes), sample.y, sample.considered
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
         scale = 1.0
         if not derived:
             scale = self._whitener.scale
-            whitened = [scale * value for value in self._whitener.unpredicted((*x, y, *incidence))]
-            x, y, incidence = tuple(whitened[: len(x)]), whitened[len(x)], tuple(whitened[len(x) + 1 :])
+            whitened = [scale * value for value in self._whitener.unpredicted((*x, y, *considered))]
+            x, y, considered = tuple(whitened[: len(x)]), whitened[len(x)], tuple(whitened[len(x) + 1 :])
         innovation, information = self._rls.evaluate(x, y)
         self._outliers = self._outliers + 1 if self._is_outlier(innovation, information) else 0
         if 0 < self._outliers <= MOST_OUTLIERS_IN_A_ROW:
@@ -345,11 +346,14 @@ class AxisEstimator:
         self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
         if not derived and math.isfinite(innovation):
-            self._whitener.update([value / scale for value in (*x, y, *incidence)])
+            self._whitener.update([value / scale for value in (*x, y, *considered)])
         self._add_to_block((*x, y))
-        if incidence and math.isfinite(innovation):
-            kept, (turned,) = self._tuning.forgetting, incidence
-            self._along = tuple(kept * total + turned * value for total, value in zip(self._along, x, strict=True))
+        if math.isfinite(innovation):
+            kept = self._tuning.forgetting
+            self._along = [
+                tuple(kept * total + column * value for total, value in zip(along, x, strict=True))
+                for along, column in zip(self._along, considered, strict=True)
+            ]
             self._fastest = max(self._fastest, abs(sample.speed))
         if self.samples > ROUGHLY_AFTER * self._rls.n:
             # The noise of a sum of differences is that of the positions: a difference has twice its variance.
@@ -409,8 +413,7 @@ class AxisEstimator:
         if self._shapes:
             covariance = covariance + self._left_out(values, covariance)
             values, covariance = self._not_before_its_cause(values, covariance)
-        if self.model.turns:
-            covariance = covariance + self._by_incidence(values)
+        covariance = covariance + self._considered(values)
         return physical(values[:p].tolist(), covariance[:p, :p])
 
     def _left_out(self, values: Array, covariance: Array) -> Array:
@@ -441,15 +444,21 @@ class AxisEstimator:
         doubt = np.outer(moved, moved) * max(0.0, excess**2 - variance)
         return array(values - moved * excess), array(covariance + doubt)
 
-    def _by_incidence(self, values: Array) -> Array:
-        """Covariance for the drag by incidence, which no record tells from drag along: (n, n).
+    def _considered(self, values: Array) -> Array:
+        """Covariance for what is no unknown: (n, n).
 
-        What the fit after the run considers too (`influences`): each unit of it, a deviation of INCIDENCE times the
-        drag at the highest speed over the square of that, moves the estimate by P times the sum of x and its column.
+        What the fit after the run has as rows of its budget (`influences`): thrust that goes later than it comes, and
+        the drag by incidence, which no record tells from drag along, of the drag at the highest speed over the square
+        of that. A deviation of each moves the estimate by P times the sum of x and its column.
         """
-        per_mass = abs(float(values[0]) + float(values[1]) / max(self._fastest, LEAST_SPEED))
-        moved = INCIDENCE * per_mass * (self._rls.unit_covariance @ np.array(self._along))
-        return array(np.outer(moved, moved))
+        drag = abs(float(values[0]) + float(values[1]) / max(self._fastest, LEAST_SPEED))
+        sizes = [LAG_DIFFERENCE_S * abs(float(values[len(self.model.names) - 1]))] * bool(self._shapes)
+        sizes += [INCIDENCE * drag] * self.model.turns
+        out = np.zeros((len(values),) * 2)
+        for size, along in zip(sizes, self._along, strict=True):
+            moved = size * (self._rls.unit_covariance @ np.array(along))
+            out += np.outer(moved, moved)
+        return array(out)
 
     @property
     def _noise_variance(self) -> float:

@@ -45,8 +45,9 @@ class Sample:
     """One row of the regression: y = x . (theta / M, 1 / M) + noise of the velocity [m/s, rad/s].
 
     `slope` is the derivative of x by this velocity; `speed` is the filtered velocity; `settled`: the initial
-    transient of the filters has decayed; `shapes`: see `found_delays` [N/s, N/s^2, ...; N m/s, ...]; `incidence`:
-    column of the drag by incidence, which is no unknown, where the model `turns` [m^2/s].
+    transient of the filters has decayed; `shapes`: see `found_delays` [N/s, N/s^2, ...; N m/s, ...]; `considered`:
+    columns of what is no unknown: where there are shapes thrust that goes later than it comes [N, N m], and where the
+    model `turns` the drag by incidence [m^2/s].
     """
 
     x: tuple[float, ...]
@@ -55,7 +56,7 @@ class Sample:
     speed: float
     settled: bool
     shapes: tuple[float, ...] = ()
-    incidence: tuple[float, ...] = ()
+    considered: tuple[float, ...] = ()
 
 
 class FilteredRegression:
@@ -72,6 +73,8 @@ class FilteredRegression:
         self.model, self.rate, self.noise_variance = model, rate, 0.0
         self.lag_s, self._split = lag_s, model.split
         self._force = self._lagged = self._known = self._force_f = self._z = 0.0
+        # Part of the thrust that goes: all changes toward zero since the last restart, behind the lag, and filtered.
+        self._goes = self._goes_lagged = self._goes_f = 0.0
         # Thrust behind the lag twice, three times and so on, and the same filtered.
         self._cascade, self._cascade_f = (0.0,) * shapes, (0.0,) * shapes
         self._terms: tuple[float, ...] = ()
@@ -98,7 +101,9 @@ class FilteredRegression:
             self._cascade = (force,) * len(self._cascade)
             self._t_thrust = t_s
         self._advance_thrust(t_s)
-        self._force, self.thrust_time_s = force, t_s
+        before, self._force, self.thrust_time_s = self._force, force, t_s
+        if abs(force) < abs(before) or force * before < 0.0:
+            self._goes += (force if force * before > 0.0 else 0.0) - before
 
     def known(self, t_s: float, force: float) -> None:
         """Known force from this time on, in addition to the thrust, without lag [N, N m]."""
@@ -140,6 +145,7 @@ class FilteredRegression:
             self.velocity_time_s, self._z, self._terms = t_s, -v, terms
             self._advance_thrust(t_s)
             self._force_f, self._known_f = 0.0, 0.0
+            self._goes, self._goes_lagged, self._goes_f = 0.0, self._goes_lagged - self._goes, 0.0
             self._cascade_f = (0.0,) * len(self._cascade)
             return None
         self._advance_thrust(t_s)
@@ -154,7 +160,7 @@ class FilteredRegression:
             self._linear(self._sums) * self.rate,
             self._start < SETTLED,
             self._shapes(),
-            tuple(sums[terms_of_model:]),
+            (*self._later(), *sums[terms_of_model:]),
         )
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
@@ -226,6 +232,10 @@ class FilteredRegression:
             out.append(row[0])
         return tuple(out)
 
+    def _later(self) -> tuple[float, ...]:
+        """Column of thrust that goes later than it comes, less the derivative of what goes; none of a known lag."""
+        return (self.rate * self._goes_f - self._goes_lagged,) if self._cascade else ()
+
     def _advance_thrust(self, t_s: float) -> None:
         """Advance lag and filter in cascade, exactly for a command constant since the last call."""
         step = t_s - self._t_thrust
@@ -236,15 +246,14 @@ class FilteredRegression:
         if self._cascade:
             self._known_f = kept * self._known_f + self._known * (1.0 - kept) / rate
             self._advance_cascade(step, kept)
-        gap = self._lagged - self._force
-        total = (self._force + self._known) * (1.0 - kept) / rate
+        gap, late = self._lagged - self._force, self._goes_lagged - self._goes
+        constant, decay, both = (1.0 - kept) / rate, 0.0, 0.0
         if lag_s > 0.0:
             decay = math.exp(-step / lag_s)
-            total += gap * _two_poles(rate, 1.0 / lag_s, step, kept, decay)
-            self._lagged = self._force + gap * decay
-        else:
-            self._lagged = self._force
-        self._force_f = kept * self._force_f + total
+            both = _two_poles(rate, 1.0 / lag_s, step, kept, decay)
+        self._lagged, self._goes_lagged = self._force + gap * decay, self._goes + late * decay
+        self._force_f = kept * self._force_f + (self._force + self._known) * constant + gap * both
+        self._goes_f = kept * self._goes_f + self._goes * constant + late * both
         self._t_thrust = t_s
 
     def _advance_cascade(self, step: float, kept: float) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from hindrax_core.signals import BLOCKED
 from hindrax_ident.arrays import Array, Flags, array, largest
-from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.model.thrust_lag import LaggedThrust, SumOfThrusts
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 NEUTRAL_S = 2.0
@@ -29,6 +29,9 @@ SMOOTH_S = 0.4
 """Mean of a speed across: a sample of it is noise and holds until the next."""
 BEFORE_BLOCKED_S = 2.0
 """The time before a blocked phase is no free motion either; the pilot reports it after 1.5 s."""
+
+LATER = "goes_later_s", "turns_later_s"
+"""Names of both of `Record.later_s` where a result has them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,8 +182,8 @@ class Record:
     means: tuple[tuple[float, float], ...] = ()
     """Each velocity is a sum of means of the motion about its time: share of each, and over how long [s]; empty: it is
     that of the moment."""
-    stops_later_s: float = 0.0
-    """Lag by which the thrust goes later than it comes, which `thrust` has; 0: none."""
+    later_s: tuple[float, float] = (0.0, 0.0)
+    """By how much the lags of thrust that goes, and of thrust that turns round, are longer than that of what comes."""
     ramps_s: float = 0.0
     """Time from zero to the largest thrust, where it ramps, which `thrust` has; 0: none."""
     ranged: bool = False
@@ -206,9 +209,25 @@ class Record:
         """Velocities and positions measured within a span."""
         return self.velocity.between(span.start_s, span.end_s), self.position.between(span.start_s, span.end_s)
 
-    def lagged(self) -> LaggedThrust:
-        """Thrust after its lag, by the time of its own stamps."""
-        return LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s)
+    def lagged(self) -> LaggedThrust | SumOfThrusts:
+        """Thrust after its lag, by the time of its own stamps.
+
+        Returns
+        -------
+        LaggedThrust | SumOfThrusts
+            Lags that differ are those of each thruster, where the forces of all are known: on the axis, what one of
+            them takes back another may add.
+        """
+        if not any(self.later_s) or not len(self.forces):
+            return LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s, self.later_s)
+        t, y, d = self.forces.t, self.forces.y, self.forces.per_newton
+        usual = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s)
+        of_one_lag = LaggedThrust(t, array(y @ d), self.lag_s)
+        own = [
+            (share, LaggedThrust(t, force, self.lag_s, self.later_s))
+            for share, force in zip(d.tolist(), y.T, strict=True)
+        ]
+        return SumOfThrusts([(1.0, usual), (-1.0, of_one_lag), *own])
 
     def impulse(self, at_s: Array) -> Array:
         """Impulse of thrust after its lag and of known forces, up to each time: (n,) [N s, N m s]."""

@@ -59,6 +59,8 @@ class SixAxisRecord:
     wrench_t: Array
     wrench: Array
     grids: tuple[Grid, ...]
+    later_s: tuple[float, float] = (0.0, 0.0)
+    """By how much the lags of thrust that goes and turns round are longer (see `Record.later_s`)."""
 
     @property
     def axes(self) -> tuple[int, ...]:

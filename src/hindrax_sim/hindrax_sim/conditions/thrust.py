@@ -131,6 +131,38 @@ def inflow_loss(world: Realization, size: float, _draws: NormalDraws) -> None:
     world.influences.append(lose)
 
 
+def late_stops(world: Realization, size: float, _draws: NormalDraws) -> None:
+    """The lag of thrust that goes is longer by this time than that of thrust that comes; what turns round goes first.
+
+    Size: A propeller without a brake turns on in its wake; our estimate.
+    """
+    rows = [(one.lag_s, wrench_per_newton(world.vehicle, one)) for one in world.vehicle.thrusters]
+    usual_N, late_N = [0.0] * len(rows), [0.0] * len(rows)
+
+    def keep(plant: Plant, dt: float) -> Vec6:
+        """Wrench of all thrusters by which it is more than with one lag, in the middle of the step."""
+        more = []
+        for index, (goal, (lag_s, per_newton)) in enumerate(zip(plant.targets_N, rows, strict=True)):
+            before = late_N[index] - usual_N[index]
+            usual_N[index] = _followed(usual_N[index], goal, lag_s, lag_s, dt)
+            late_N[index] = _followed(late_N[index], goal, lag_s, lag_s + size, dt)
+            more.append((0.5 * (before + late_N[index] - usual_N[index]), per_newton))
+        return combined(more)
+
+    world.influences.append(keep)
+
+
+def _followed(thrust: float, goal: float, comes_s: float, goes_s: float, dt: float) -> float:
+    """Thrust after a step: of what turns round the part up to zero goes, and the rest comes."""
+    if thrust * goal < 0.0:
+        zero_s = goes_s * math.log1p(-thrust / goal)
+        if zero_s < dt:
+            return _followed(0.0, goal, comes_s, goes_s, dt - zero_s)
+        return goal + (thrust - goal) * math.exp(-dt / goes_s)
+    lag_s = goes_s if abs(goal) < abs(thrust) else comes_s
+    return goal + (thrust - goal) * math.exp(-dt / lag_s) if lag_s > 0.0 else goal
+
+
 def thruster_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
     """A thruster loses thrust to the wakes of its two nearest neighbors: of each pair a share of the geometric mean.
 

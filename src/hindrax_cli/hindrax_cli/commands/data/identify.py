@@ -21,6 +21,7 @@ from hindrax_analysis.identification.executor import add_workers, workers_of
 from hindrax_analysis.identification.joint_identification import (
     filters_found,
     identify_jointly,
+    lags_found,
     mean_found,
     show_joint,
     wants_joint_fit,
@@ -213,7 +214,8 @@ def identify(arguments: argparse.Namespace) -> int:
         filters_s = filters_found(found.results) if together else {}
         notes += [FILTERED.format(longest_s=max(filters_s.values()))] if filters_s else []
         jointly = partial(identify_jointly, sources, vehicle, task, *steps, filters_s=filters_s)
-        jobs = [partial(jointly, against=mean_found(found.results))] if together else []
+        alone = found.results
+        jobs = [partial(jointly, later_s=lags_found(alone), against=mean_found(alone))] if together else []
         try:
             joint = next(workers.run(jobs), None)
         except UsageError as error:

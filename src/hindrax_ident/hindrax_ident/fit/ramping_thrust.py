@@ -1,8 +1,7 @@
-"""Thrust that follows its command otherwise than by a first-order lag: it goes later than it comes, or it ramps.
+"""Thrust that ramps: many drives limit how fast a command may change.
 
-A propeller that is let go turns on in its own wake, and many drives limit how fast a command may change. A fit that
-knows one lag alone takes the difference for mass: of 8 kg of water none was left (+- 1.7 kg), and an inflow loss that
-was none took 27 % off the drag. Both are changes of the command before its lag, so a fit computes them exactly.
+A fit that knows one lag alone takes the difference for mass. A ramp is a change of the command before its lag, so a fit
+computes it exactly. (Lags that differ as thrust comes and goes are delays of the fit: `delay`.)
 """
 
 from dataclasses import replace
@@ -10,52 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from hindrax_ident.arrays import Array, Index, array
-from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record, Series
 
 STEPS, LEAST_STEP_S = 8.0, 0.01
 """Steps in which a change is computed within its time, none shorter than this."""
-
-
-def of_stops(y: Array) -> Array:
-    """Part of commands that is thrust which goes: the sum of all changes toward zero. The rest is what comes.
-
-    Parameters
-    ----------
-    y : (n,) [N, N m]
-        Commands, in time order; of a reversal the part up to zero goes.
-
-    Returns
-    -------
-    Array
-        (n,) [N, N m].
-    """
-    before = np.append(0.0, y[:-1])
-    kept = np.where(before * y > 0.0, np.sign(y) * np.minimum(np.abs(y), np.abs(before)), 0.0)
-    return array(np.cumsum(kept - before))
-
-
-def stopping_later(record: Record, time_s: float) -> Record:
-    """Give thrust that goes a lag of its own, beside that of both.
-
-    Parameters
-    ----------
-    record
-        Of one axis.
-    time_s : [s]
-        By which it goes later than it comes.
-
-    Returns
-    -------
-    Record
-        With the mean of such a thrust in each of fine steps.
-    """
-    t, y = record.thrust.t, record.thrust.y
-    begins, steps_s, at = _grid(t, time_s)
-    goes = of_stops(y)
-    late = LaggedThrust(t, goes, time_s)
-    going = (late.impulse(begins + steps_s) - late.impulse(begins)) / steps_s
-    return replace(record, thrust=Series(begins, array((y - goes)[at] + going)), stops_later_s=time_s)
 
 
 def ramping(record: Record, time_s: float) -> Record:
