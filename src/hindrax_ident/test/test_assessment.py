@@ -268,7 +268,7 @@ def test_bands_are_the_noise_and_what_the_influences_of_their_scopes_do(
 ) -> None:
     budgets = {axis: budget_of(AxisFit(vehicle, one.record, one.fit, PLAIN)) for axis, one in ((0, surge), (2, heave))}
     water = array(budgets[0].evidence + budgets[2].evidence)
-    budget, found = budgets[0].in_water(water), assessed[0]
+    budget, found = budgets[0].told_by([budgets[2]]).in_water(water), assessed[0]
     assert found.noise == pytest.approx(surge.fit.covariance)
     assert found.fit.covariance == pytest.approx(surge.fit.covariance + budget.band_of_run())
     assert found.calibrated == pytest.approx(surge.fit.covariance + budget.band((GAIN, RUN, MODEL)))

@@ -670,6 +670,7 @@ def test_a_coast_begins_at_half_the_speed_and_lasts_a_second(
 ) -> None:
     assert _coasts(coasting(case, off_s, speed)) is shown
     assert row("inflow loss").shown(coasting(case, off_s, speed)) is shown
+    assert row("lags that differ").common == 0.01
     # Without coasts, lags that differ look like inflow.
     assert row("lags that differ").or_else(coasting(case, off_s, speed)) == ("" if shown else "inflow loss")
     assert not row("sag over the run").shown(case)

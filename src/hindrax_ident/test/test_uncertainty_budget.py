@@ -303,6 +303,27 @@ def test_other_motions_show_how_near_the_water_is_to_the_model(case: AxisFit) ->
     assert alone.in_water(alone.evidence).found("law") == pytest.approx(alone.found("law"))
 
 
+def test_what_motions_share_one_tells_the_other_and_what_they_do_not_it_keeps(case: AxisFit) -> None:
+    """As of two measurements: of one deviation each, and of what differs between them."""
+    own, common = budget_of(case, (LAW,)), budget_of(case, (replace(LAW, common=0.05),))
+    assert own.told_by([common]).likelihood.information.tolist() == own.likelihood.information.tolist()
+    # Another one that has seen 0.2 +- 0.04 N, in units of 0.1 N and with a prior of one of them.
+    precision = 1.0 / 0.4**2 + 1.0
+    mean = (2.0 / 0.4**2) / precision
+    other = replace(common, mean=array(np.array([mean])), covariance=array(np.array([[1.0 / precision]])))
+    told = common.told_by([other, other])
+    added = 1.0 / (0.4**2 + 0.5**2)
+    information = told.likelihood.information - common.likelihood.information
+    assert information == pytest.approx(2.0 * added, rel=1e-6)
+    assert told.likelihood.gradient - common.likelihood.gradient == pytest.approx(2.0 * added * 2.0, rel=1e-6)
+    # One that has seen nothing, or has no such row, tells nothing.
+    blind = replace(common, mean=array(np.zeros(1)), covariance=array(np.eye(1)))
+    for one in (blind, budget_of(case, (replace(LAW, name="else", common=0.05),))):
+        untold = common.told_by([one]).likelihood
+        assert untold.information == pytest.approx(common.likelihood.information, rel=1e-4)
+        assert untold.gradient == pytest.approx(common.likelihood.gradient, abs=1e-4)
+
+
 def test_one_record_speaks_against_water_near_the_model_only_as_far_as_such_a_record_is_rare(case: AxisFit) -> None:
     plain = budget_of(case, (LAW,))
     votes = [replace(plain, evidence=array([near, 0.0, 0.0, 1.0])).vote for near in (-1e3, 1.0, 8.0)]

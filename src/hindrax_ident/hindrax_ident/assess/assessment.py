@@ -164,7 +164,7 @@ def assess(
     """Bands of the drafts of a run from their uncertainty budgets, and why there are none.
 
     All motions were flown in one water, so what one record shows of it counts for all: the log evidence of the waters
-    is summed over the axes, and each budget is taken again in that water.
+    is summed over the axes, and each budget is taken again in that water. So does what their thrusters share.
 
     Parameters
     ----------
@@ -193,8 +193,10 @@ def assess(
     votes = array(sum(one.vote for one in budgets.values()))
     found: dict[int, Assessment] = {}
     for axis, budget in budgets.items():
+        others = [one for one in budgets.values() if one is not budget]
         try:
-            found[axis] = _assess(drafts[axis], budget.in_water(array(votes - budget.vote + budget.evidence)))
+            told = budget.told_by(others).in_water(array(votes - budget.vote + budget.evidence))
+            found[axis] = _assess(drafts[axis], told)
         except ValueError as error:
             failed[axis] = error
     return found, failed

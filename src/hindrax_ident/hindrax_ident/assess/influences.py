@@ -62,6 +62,8 @@ COASTS_FROM, COAST_S = 0.5, 1.0
 """Share of the highest speed that a coast has at least once [-], and how long it lasts at least [s]."""
 MEMORY_S, WAKE_S = 1.0, 4.0
 """Time constants of fluid memory, and of the vehicle's own wake."""
+ALIKE_S = 0.01
+"""The same between the thrusters of one vehicle, which push along other axes."""
 VELOCITY_OVER_S = 0.3
 """Time over which an instrument may average its velocities: one interval at 3 Hz."""
 AVERAGED_S, AVERAGING = 1.0, 0.5
@@ -95,6 +97,7 @@ class Influence:
     `near`: share of the deviation that is left in water near the model; less than 1 for what a usual pool has.
     `usual_cause`: a cause whose rows may be as in usual water while all others are as near the model; "" has none.
     `loss`: it acts in one direction, the positive one, as losses of thrust do: all of them add up.
+    `common`: the motions of a run share it, but for this deviation in `unit`, as lags of the same thrusters; 0: not.
     `or_else`: what is no row and leaves the same in a record of a case: named with it, since no record tells which.
     """
 
@@ -112,6 +115,7 @@ class Influence:
     near: float = 1.0
     usual_cause: str = ""
     loss: bool = False
+    common: float = 0.0
     or_else: Callable[[AxisFit], str] = lambda _case: ""
 
     def __reduce__(self) -> "tuple[Callable[[str], Influence], tuple[str]]":
@@ -562,7 +566,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         DIFFERENCES, "s", MODEL, _always(LAG_DIFFERENCE_S), _differences,
         Remedy("measure how the thrust comes and goes, or coast more often", condition="late_stops"),
-        or_else=lambda case: "" if _coasts(case) else "inflow loss",
+        common=ALIKE_S, or_else=lambda case: "" if _coasts(case) else "inflow loss",
     ),
     Influence(
         LATENCY, "s", RUN, lambda case: case.delay_sigma_s,

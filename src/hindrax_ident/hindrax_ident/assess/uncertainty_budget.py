@@ -80,6 +80,8 @@ MOST_SHARE = 0.5
 """Share of a variance above which it is mostly that of its cause."""
 NEEDED_LOG_ODDS = 1.6
 """Logarithm of the odds that a record has an influence, against all others, above which it is named: five to one."""
+LEAST_SHOWN = 1e-6
+"""Information about an unknown below which a record shows nothing of it, in units of its prior."""
 SURPRISE_SIGMAS = 3.0
 """Standard deviations from zero beyond which an influence seen in a record is reported."""
 
@@ -107,6 +109,30 @@ class Budget:
         """The budget in the water of a run: (k,), the sum of the evidence of all its motions."""
         known = _posterior(self.likelihood, water)
         return replace(self, mean=known.mean, covariance=known.covariance, explanations=known.explanations)
+
+    def told_by(self, others: Sequence[Budget]) -> Budget:
+        """The budget with what other motions of the run show of what all share, before it is taken in their water.
+
+        Of each the posterior without its prior, wider by what differs between motions: a measurement of the row.
+        """
+        information, gradient = self.likelihood.information.copy(), self.likelihood.gradient.copy()
+        for row, influence, sigma in self.rows:
+            apart = (influence.common / sigma) ** 2
+            found = [one.shown_of(influence.name) for one in others] if apart > 0.0 else []
+            for known, along in filter(None, found):
+                precision = np.linalg.inv(np.linalg.inv(known) + apart * np.eye(len(known)))
+                information[row, row] += precision
+                gradient[row] += precision @ np.linalg.solve(known, along)
+        return replace(self, likelihood=self.likelihood._replace(information=information, gradient=gradient))
+
+    def shown_of(self, name: str) -> tuple[Array, Array] | None:
+        """Information of this record about an influence: (k, k), and its gradient, (k,); None where it does not act."""
+        for row, influence, _ in self.rows:
+            if influence.name == name:
+                precision = np.linalg.inv(self.covariance[row, row])
+                values, axes = np.linalg.eigh(precision - np.eye(len(precision)))
+                return array(axes * np.maximum(values, LEAST_SHOWN) @ axes.T), array(precision @ self.mean[row])
+        return None
 
     @property
     def vote(self) -> Array:
