@@ -29,20 +29,25 @@ LEVELS = ((3.2, 6.0, 13.5), (4.0, 9.0, 20.0), (5.0, 12.0, 30.0), (0.5, 0.9, 1.4)
 DELAYS_S = ((0.05, 0.0), (0.12, 0.2), (0.25, 0.1))
 
 
+def true_theta(vehicle: Vehicle, axis: int) -> Array:
+    """Parameters of the vehicle file: (p,)."""
+    truth, model, motions = truth_of(vehicle), model_of(vehicle, axis), motions_of(axis)
+    ends = (truth[motions[0].name], truth[motions[-1].name])[: 1 + model.split]
+    drag = [one[name] for one in ends for name in ("k_q", "k_l")]
+    flush = [ends[0]["k_r"]] if model.restores else []
+    return array(np.array([*drag, ends[0]["b"], *flush, model.rigid + ends[0]["added_mass"]]))
+
+
 @pytest.mark.parametrize("axis", range(6))
 @pytest.mark.parametrize(("lag_s", "latency_s"), DELAYS_S)
 def test_live_bands_hold_for_every_delay_of_every_axis(
     vehicle: Vehicle, axis: int, lag_s: float, latency_s: float
 ) -> None:
-    truth, model, motions = truth_of(vehicle), model_of(vehicle, axis), motions_of(axis)
-    ends = (truth[motions[0].name], truth[motions[-1].name])[: 1 + model.split]
-    drag = [one[name] for one in ends for name in ("k_q", "k_l")]
-    flush = [ends[0]["k_r"]] if model.restores else []
-    theta = np.array([*drag, ends[0]["b"], *flush, model.rigid + ends[0]["added_mass"]])
+    model, theta, motion = model_of(vehicle, axis), true_theta(vehicle, axis), motions_of(axis)[0].name
     flight = fly(model, theta, back_and_forth(LEVELS[axis], 5.0, 50.0), lag_s)
     received: list[Stamped[IdentEvent]] = [
         Stamped(after(one.stamp, latency_s), one.reading) if isinstance(one.reading, (Velocity, Attitude)) else one
-        for one in events(flight, axis, motions[0].name, sensors_of(axis), np.random.default_rng(1))
+        for one in events(flight, axis, motion, sensors_of(axis), np.random.default_rng(1))
     ]
     session = Session(vehicle, every_s=math.inf)
     for event in Feed(vehicle, session.tuning).all(sorted(received, key=lambda one: one.stamp)):
@@ -60,10 +65,7 @@ def test_live_bands_hold_where_thrust_goes_by_another_lag_than_it_comes(
     vehicle: Vehicle, axis: int, comes_s: float, goes_s: float
 ) -> None:
     """Live, a mass of heave was 34.5 +- 0.7 kg for 37.7."""
-    truth, model, motions = truth_of(vehicle), model_of(vehicle, axis), motions_of(axis)
-    ends = (truth[motions[0].name], truth[motions[-1].name])[: 1 + model.split]
-    drag = [one[name] for one in ends for name in ("k_q", "k_l")]
-    theta = np.array([*drag, ends[0]["b"], model.rigid + ends[0]["added_mass"]])
+    model, theta, motion = model_of(vehicle, axis), true_theta(vehicle, axis), motions_of(axis)[0].name
     levels = [part for one in LEVELS[axis] for part in (one, 0.0, -one, 0.0)] * 2
     plan = Plan(array(np.arange(len(levels)) * 4.0), array(np.array(levels)), 4.0 * len(levels))
     t = array(np.arange(0.0, plan.end_s, 0.01))
@@ -73,7 +75,7 @@ def test_live_bands_hold_where_thrust_goes_by_another_lag_than_it_comes(
     )
     told = replace(flight, times_s=plan.times_s, commands=plan.forces)
     session = Session(vehicle, every_s=math.inf)
-    inputs = events(told, axis, motions[0].name, sensors_of(axis), np.random.default_rng(1))
+    inputs = events(told, axis, motion, sensors_of(axis), np.random.default_rng(1))
     for event in Feed(vehicle, session.tuning).all(sorted(inputs, key=lambda one: one.stamp)):
         session.step(event)
     found, covariance = session._axes[axis].estimator.estimate()

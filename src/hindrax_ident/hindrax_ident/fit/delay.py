@@ -135,8 +135,13 @@ class DelayEstimate(NamedTuple):
 
     def within(self, record: Record) -> Record:
         """The record with these delays."""
-        lag_s, latency_s, *later_s = self.delays_s.tolist()
-        return replace(record, lag_s=lag_s, latency_s=latency_s, later_s=tuple(later_s) or ONE_LAG)
+        return _delayed(record, self.delays_s)
+
+
+def _delayed(record: Record, delays_s: Array) -> Record:
+    """The record with these delays, (2,) or (4,)."""
+    lag_s, latency_s, *later_s = delays_s.tolist()
+    return replace(record, lag_s=lag_s, latency_s=latency_s, later_s=tuple(later_s) or ONE_LAG)
 
 
 def search_delay(model: Model, record: Record, start: Array, prior: Prior, sigma_s: float) -> DelayEstimate:
@@ -234,7 +239,7 @@ class _Search:
 
     def _at(self, x: Array, path: Trajectory, weigh: Callable[[Array], Array]) -> LinearizedProblem | None:
         delays_s = x[self._size :]
-        record, grid = DelayEstimate(0.0, x, delays_s, delays_s).within(self._record), self._problem.grid
+        record, grid = _delayed(self._record, delays_s), self._problem.grid
         thrust = record.lagged()
         impulse = thrust.impulse(grid.times_s - record.latency_s) + self._known_impulse
         problem = replace(self._problem, grid=replace(grid, impulse=per_step(impulse, grid.starts)))
