@@ -113,7 +113,15 @@ class Budget:
     def told_by(self, others: Sequence[Budget]) -> Budget:
         """The budget with what other motions of the run show of what all share, before it is taken in their water.
 
-        Of each the posterior without its prior, wider by what differs between motions: a measurement of the row.
+        Parameters
+        ----------
+        others
+            Of each the posterior without its prior, wider by what differs between motions, is a measurement of the row.
+
+        Returns
+        -------
+        Budget
+            With another likelihood; its posterior is that of before.
         """
         information, gradient = self.likelihood.information.copy(), self.likelihood.gradient.copy()
         for row, influence, sigma in self.rows:
@@ -126,7 +134,13 @@ class Budget:
         return replace(self, likelihood=self.likelihood._replace(information=information, gradient=gradient))
 
     def shown_of(self, name: str) -> tuple[Array, Array] | None:
-        """Information of this record about an influence: (k, k), and its gradient, (k,); None where it does not act."""
+        """What this record shows of an influence, without its prior.
+
+        Returns
+        -------
+        tuple[Array, Array] | None
+            Information (k, k) and gradient (k,) of its k unknowns, in units of the prior; None where it does not act.
+        """
         for row, influence, _ in self.rows:
             if influence.name == name:
                 precision = np.linalg.inv(self.covariance[row, row])
