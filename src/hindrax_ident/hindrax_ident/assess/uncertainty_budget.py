@@ -136,6 +136,11 @@ class Budget:
     def shown_of(self, name: str) -> tuple[Array, Array] | None:
         """What this record shows of an influence, without its prior.
 
+        Parameters
+        ----------
+        name
+            Of a row.
+
         Returns
         -------
         tuple[Array, Array] | None
