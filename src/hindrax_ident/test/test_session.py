@@ -348,3 +348,17 @@ def test_only_a_record_that_moves_across_has_the_drag_by_it(vehicle: Vehicle, su
     assert model(undivided, 0.2).crossed
     assert not model(undivided, 0.02).crossed
     assert not model(surge, 0.2).crossed
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_supply_that_was_measured_counts_for_the_record_of_an_axis(
+    vehicle: Vehicle, surge: list[Any], measured: bool
+) -> None:
+    """It never did: the record was asked before it had any stretches."""
+    session = Session(vehicle, every_s=math.inf)
+    for event in surge:
+        reading = event.reading
+        told = replace(reading, supply_measured=measured) if isinstance(reading, Thrust) else reading
+        session.step(Stamped(event.stamp, told))
+    assert session.record(0).stretches
+    assert session.record(0).supply_measured is measured

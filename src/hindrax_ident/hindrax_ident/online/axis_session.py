@@ -313,10 +313,10 @@ class AxisSession:
             prior_delays_s=self._prior_delays_s,
             plateaus=plateaus,
             ranged=self._is_derived and self._way_source.name == SONAR,
-            supply_measured=self._is_measured(stretches),
+            supply_measured=self.supply_measured(stretches),
         )
 
-    def _is_measured(self, stretches: tuple[Stretch, ...]) -> bool:
+    def supply_measured(self, stretches: tuple[Stretch, ...]) -> bool:
         """Whether all thrust that acts within the stretches was computed with a measured supply voltage."""
         measured = series([(t, float(one.supply_measured)) for t, one in self._thrusts])
         acting = [

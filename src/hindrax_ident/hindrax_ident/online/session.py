@@ -300,7 +300,8 @@ class Session:
             spans = excited_stretches(seen, *axis_session.wrenches, axis)
         if axis < 2 and not len(kept.velocity):
             tuning = replace(tuning, stretch_s=min(tuning.stretch_s, LONGEST_WAY_S))
-        return kept.with_stretches(usable(spans, measured, kept.thrust, tuning))
+        stretches = usable(spans, measured, kept.thrust, tuning)
+        return replace(kept.with_stretches(stretches), supply_measured=axis_session.supply_measured(stretches))
 
     def refined(self, axis: int) -> DraftFit:
         """Fit of what was flown along an axis so far, with its noise; takes a second. ValueError where nothing fits."""
