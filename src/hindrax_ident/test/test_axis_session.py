@@ -77,7 +77,7 @@ def points(series: Series) -> list[tuple[float, float]]:
 
 def kept(session: AxisSession) -> Array:
     """Velocities of the record, (n, 2)."""
-    velocity = session.record((), (), MASSES).velocity
+    velocity = session.record((), MASSES).velocity
     return array(np.stack([velocity.t, velocity.y], axis=1))
 
 
@@ -95,10 +95,10 @@ def test_a_copy_of_a_session_shares_what_it_recorded_and_records_apart(vehicle: 
         assert len(own) >= 29
         assert all(a is b for a, b in zip(own, copied, strict=True))
     assert judged._velocities["dvl"][0] is session._velocities["dvl"][0]
-    before = session.record((), (), MASSES)
+    before = session.record((), MASSES)
     session.thrust(3.0, Thrust((20.0, 0.0, 0.0, 0.0, 0.0, 0.0), (1.0,) * len(vehicle.thrusters)))
     session.velocity(3.0, 0.3, "dvl")
-    found, now = judged.record((), (), MASSES), session.record((), (), MASSES)
+    found, now = judged.record((), MASSES), session.record((), MASSES)
     assert points(found.thrust) == points(before.thrust) != points(now.thrust)
     assert points(found.velocity) == points(before.velocity) != points(now.velocity)
 
@@ -106,12 +106,12 @@ def test_a_copy_of_a_session_shares_what_it_recorded_and_records_apart(vehicle: 
 @pytest.mark.parametrize("axis", range(6))
 def test_a_new_axis_has_nothing(vehicle: Vehicle, axis: int) -> None:
     session, _ = begun(vehicle, axis)
-    record = session.record((Stretch(0.0, 1.0),), (Stretch(0.2, 0.8),), MASSES)
+    record = session.record((Stretch(0.2, 0.8),), MASSES)
     empty = (record.velocity, record.thrust, record.known, record.position, record.effort, record.forces)
     assert all(len(one) == 0 for one in empty)
     assert (record.coriolis.t.tolist(), record.coriolis.y.tolist()) == ([0.0], [0.0])
     assert record.coriolis_errors == ()
-    assert (record.stretches, record.plateaus) == ((Stretch(0.0, 1.0),), (Stretch(0.2, 0.8),))
+    assert (record.stretches, record.plateaus) == ((), (Stretch(0.2, 0.8),))
     assert record.lag_s == session.lag_s > 0.0
     assert record.prior_delays_s == (session.lag_s, 0.05)
 
@@ -121,7 +121,7 @@ def test_thrust_of_its_axis_counts_with_what_each_thruster_did(vehicle: Vehicle)
     forces = [tuple(float(n + k) for n in range(-4, 4)) for k in (0, 3)]
     for k, own in enumerate(forces):
         session.thrust(1.0 + k, Thrust((9.0, 8.0, 7.0, 6.0, 5.0, 2.0 + k), own))
-    record = session.record((), (), MASSES)
+    record = session.record((), MASSES)
     assert estimator.of("thrust") == points(record.thrust) == [(1.0, 2.0), (2.0, 3.0)]
     per_newton = np.array([unit_wrench(vehicle, one)[5] for one in vehicle.thrusters])
     assert record.effort.t.tolist() == record.forces.t.tolist() == [1.0, 2.0]
@@ -132,7 +132,7 @@ def test_thrust_of_its_axis_counts_with_what_each_thruster_did(vehicle: Vehicle)
     inflow = [float(np.sum(per_newton**2 * np.sqrt(np.abs(own)))) for own in forces]
     assert record.forces.inflow(record.forces.t, 0.0) == pytest.approx(inflow)
     session.thrust(3.0, Thrust((0.0,) * 6, (1.0,) * 7))
-    unknown = session.record((), (), MASSES)
+    unknown = session.record((), MASSES)
     assert len(unknown.thrust) == 3
     assert estimator.efforts[2] is None
     session.thrust(4.0, Thrust((1e300,) * 6, (1e300,) * 8))
@@ -150,9 +150,9 @@ def test_the_supply_is_measured_where_it_was_for_every_thrust_of_the_stretches(
     for t_s in (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0):
         session.thrust(t_s, Thrust((1.0,) * 6, (), t_s not in assumed_s))
     flown = (Stretch(1.0, 2.0), Stretch(3.0, 4.0))
-    assert session.record(flown, (), MASSES).supply_measured is measured
-    assert session.record((), (), MASSES).supply_measured is False
-    assert session.record((Stretch(0.0, 0.5),), (), MASSES).supply_measured is False, "no thrust, nothing measured"
+    assert session.supply_measured(flown) is measured
+    assert session.supply_measured(()) is False
+    assert session.supply_measured((Stretch(0.0, 0.5),)) is False, "no thrust, nothing measured"
 
 
 @pytest.mark.parametrize("measured", [True, False])
@@ -160,7 +160,7 @@ def test_the_thrust_in_force_as_a_stretch_begins_counts(vehicle: Vehicle, measur
     session, _ = begun(vehicle, 5)
     session.thrust(1.0, Thrust((1.0,) * 6, (), measured))
     session.thrust(2.5, Thrust((1.0,) * 6, (), True))
-    assert session.record((Stretch(2.0, 3.0),), (), MASSES).supply_measured is measured
+    assert session.supply_measured((Stretch(2.0, 3.0),)) is measured
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_a_tilt_and_the_motion_of_the_other_axes_are_known_forces(vehicle: Vehic
     assert [one for _, one in estimator.of("known")] == pytest.approx([one for _, one in known])
     for unsaid in ((NAN, 0.1, 0.0), (0.1, NAN, 0.0), UNSAID):
         session.attitude(4.0, unsaid, 1.0)
-    record = session.record((), (), MASSES)
+    record = session.record((), MASSES)
     assert len(estimator.of("known")) == 3
     assert record.known.t.tolist() == [1.0, 3.0]
     assert record.known.y == pytest.approx([hydrostatic, later])
@@ -204,7 +204,7 @@ def test_hydrostatics_of_the_other_axes_are_in_their_models(vehicle: Vehicle, ax
     session, estimator = begun(vehicle, axis)
     session.attitude(1.0, (0.2, -0.1, 2.0), NAN)
     assert estimator.of("known") == []
-    assert len(session.record((), (), MASSES).known) == 0
+    assert len(session.record((), MASSES).known) == 0
 
 
 @pytest.mark.parametrize("axis", range(6))
@@ -219,13 +219,13 @@ def test_a_motion_along_its_own_axis_alone_is_no_news(vehicle: Vehicle, axis: in
     for t_s, own, others in ((1.0, 0.4, 0.0), (2.0, 0.4, 0.2), (3.0, 0.5, 0.2), (4.0, 0.5, 0.3)):
         session.motion(t_s, nu(own, others), MASSES)
     assert [t for t, _ in estimator.of("known")] == [2.0, 4.0]
-    record = session.record((), (), MASSES)
+    record = session.record((), MASSES)
     assert record.coriolis.t.tolist() == [1.0, 2.0, 3.0, 4.0], "what stays as it was has been measured, too"
     assert record.coriolis.y[1] == record.coriolis.y[2]
     # Its own velocity has no part in it.
     still = begun(vehicle, axis)[0]
     still.motion(2.0, nu(0.0, 0.2), MASSES)
-    assert still.record((), (), MASSES).coriolis.y[0] == pytest.approx(float(record.coriolis.y[1]))
+    assert still.record((), MASSES).coriolis.y[0] == pytest.approx(float(record.coriolis.y[1]))
 
 
 def test_forces_by_motion_across_are_those_of_their_time_and_not_of_the_sample_before(vehicle: Vehicle) -> None:
@@ -237,7 +237,7 @@ def test_forces_by_motion_across_are_those_of_their_time_and_not_of_the_sample_b
         u = 0.2 * t_s if k % 16 == 0 else NAN
         history.update(t_s, (u, NAN, NAN, NAN, NAN, 0.3))
         session.motion(t_s, history.at(t_s), MASSES, history.measured_at(t_s))
-    record = session.record((), (), MASSES)
+    record = session.record((), MASSES)
     at_s = array(np.linspace(0.5, 3.5, 7))
     force = -MASSES.values[0] * 0.2 * at_s * 0.3
     assert about_samples(record.coriolis).force(at_s) == pytest.approx(force, abs=0.011 * MASSES.values[0] * 0.2 * 0.3)
@@ -286,11 +286,11 @@ def test_angles_restore_roll_and_pitch_and_are_kept_twice_a_second(vehicle: Vehi
     for unsaid in (UNSAID, tuple(other if index == 0 else [0.1, NAN, 0.2])):
         session.attitude(2.0, (unsaid[0], unsaid[1], unsaid[2]), 1.0)
     assert np.array(estimator.of("position")) == pytest.approx(np.array([(0.125 * k, 0.1 * k) for k in range(12)]))
-    position = session.record((), (), MASSES).position
+    position = session.record((), MASSES).position
     assert position.t.tolist() == [0.0, 0.5, 1.0]
     assert position.y == pytest.approx([0.0, 0.4, 0.8])
     session.attitude(2.0, (0.3, 0.3, NAN), NAN)
-    assert len(session.record((), (), MASSES).position) == 4
+    assert len(session.record((), MASSES).position) == 4
 
 
 def test_yaw_has_no_position(vehicle: Vehicle) -> None:
@@ -323,7 +323,7 @@ def test_depths_give_the_velocity_of_heave_where_no_instrument_does(vehicle: Veh
     assert [v for _, v in estimator.of("velocity")] == pytest.approx([0.2] * 3)
     assert estimator.refusals == [(at(4), True), (at(6), True), (at(8), True)]
     assert len(estimator.of("position")) == 9
-    assert len(session.record((), (), MASSES).position) == 9
+    assert len(session.record((), MASSES).position) == 9
     assert [session.velocity(2.0 + 0.1 * k, 5.0, "navigation") for k in range(3)] == [[]] * 3
     assert len(kept(session)) == 0
     assert session.attitude(2.0, UNSAID, NAN) == []
@@ -358,7 +358,7 @@ def test_depths_of_a_sensor_count_before_those_of_a_navigator(vehicle: Vehicle) 
     session.attitude(1.01, UNSAID, 1.5)
     session.attitude(1.02, LEVEL, 9.0)
     assert estimator.of("position") == [(1.0, 9.0), (1.01, 1.5)]
-    assert points(session.record((), (), MASSES).position) == [(1.01, 1.5)]
+    assert points(session.record((), MASSES).position) == [(1.01, 1.5)]
 
 
 @pytest.mark.parametrize("axis", [0, 1, 3, 5])

@@ -278,20 +278,20 @@ class AxisSession:
         times, wrenches = [t for t, _ in self._thrusts], [one.wrench for _, one in self._thrusts]
         return array(times), array(wrenches).reshape(-1, 6)
 
-    def record(self, stretches: tuple[Stretch, ...], plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
+    def record(self, plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
         """Record of the axis until now, for the final fit.
 
         Parameters
         ----------
-        stretches, plateaus
-            Spans of time that may be used, and those at constant thrust.
+        plateaus
+            Spans of time at constant thrust.
         masses
             Of all axes, for the forces by motion along the others.
 
         Returns
         -------
         Record
-            Velocities of the source in use, thrust, known forces and positions.
+            Velocities of the source in use, thrust, known forces and positions, without stretches.
         """
         velocities = Samples() if self._is_derived else self._velocities.get(self._speed_source.name, Samples())
         moved_s, *sparse = np.array(self._other_velocities or [(0.0, *ZERO6)]).T
@@ -302,7 +302,7 @@ class AxisSession:
             thrust=series([(t, one.wrench[self.model.axis]) for t, one in self._thrusts]),
             effort=effort,
             forces=forces,
-            stretches=stretches,
+            stretches=(),
             known=series(self._hydrostatics),
             others=tuple(Series(moved_s, one) for one in nu),
             across=Series(moved_s, speed_across(self._vehicle, self.model.axis, nu)),
@@ -313,7 +313,6 @@ class AxisSession:
             prior_delays_s=self._prior_delays_s,
             plateaus=plateaus,
             ranged=self._is_derived and self._way_source.name == SONAR,
-            supply_measured=self.supply_measured(stretches),
         )
 
     def supply_measured(self, stretches: tuple[Stretch, ...]) -> bool:

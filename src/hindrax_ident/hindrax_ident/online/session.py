@@ -291,7 +291,7 @@ class Session:
         names = [motion.name for motion in motions_of(axis)]
         phases = ("plateau",) if tuning.plateaus_only else tuning.phases
         plateaus = tuple(self._log.stretches(names, ("plateau",), self._now_s))
-        kept = axis_session.record((), plateaus, masses or self._estimated_masses({}))
+        kept = axis_session.record(plateaus, masses or self._estimated_masses({}))
         spans = self._log.stretches(names, phases, self._now_s, JOIN_S)
         measured = kept.velocity.t if len(kept.velocity) else kept.position.t
         if self._log.undivided:
@@ -301,7 +301,7 @@ class Session:
         if axis < 2 and not len(kept.velocity):
             tuning = replace(tuning, stretch_s=min(tuning.stretch_s, LONGEST_WAY_S))
         stretches = usable(spans, measured, kept.thrust, tuning)
-        return replace(kept.with_stretches(stretches), supply_measured=axis_session.supply_measured(stretches))
+        return replace(kept, stretches=stretches, supply_measured=axis_session.supply_measured(stretches))
 
     def refined(self, axis: int) -> DraftFit:
         """Fit of what was flown along an axis so far, with its noise; takes a second. ValueError where nothing fits."""
