@@ -26,6 +26,7 @@ from hindrax_ident.assess.results import Results
 from hindrax_ident.fit.joint import Delays, fit_jointly
 from hindrax_ident.fit.smoothing import before_filter
 from hindrax_ident.model.motion_model import MOTIONS, lag_s
+from hindrax_ident.model.thrust_lag import ONE_LAG
 from hindrax_ident.records.axis_record import LATER, Series
 from hindrax_ident.records.six_axis_record import SixAxisRecord, six_axis_record
 from hindrax_ident.tuning import LAG_SIGMA_S, STAMP_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
@@ -182,7 +183,7 @@ def identify_jointly(
     progress: Callable[[str], None] = lambda _: None,
     *,
     filters_s: Mapping[int, float] = MappingProxyType({}),
-    later_s: tuple[float, float] = (0.0, 0.0),
+    later_s: tuple[float, float] = ONE_LAG,
     against: Objection = NO_OBJECTION,
 ) -> JointResults:
     """Fit all axes over one record, or over several pooled.
@@ -225,9 +226,7 @@ def identify_jointly(
     tuning = tuned(recordings, task.tuning) if foreign else task.tuning
     try:
         record = replace(_pooled(recordings, tuning), later_s=later_s)
-        fit = fit_jointly(
-            record, vehicle, _delays(vehicle, tuning, foreign=foreign), _gain(vehicle, tuning), progress
-        )  # fmt: skip
+        fit = fit_jointly(record, vehicle, _delays(vehicle, tuning, foreign=foreign), _gain(vehicle, tuning), progress)
     except ValueError as error:
         raise UsageError(f"{sources[0].path}: {error}") from error
     found, miswired = joint_results(fit, vehicle), wrong_thrusters(recordings, vehicle)

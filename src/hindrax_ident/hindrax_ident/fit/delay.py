@@ -29,7 +29,7 @@ from hindrax_ident.fit.whitening import Whitener
 from hindrax_ident.model.model_parameters import Prior, newton_step
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, Trajectory, per_step
-from hindrax_ident.model.thrust_lag import LaggedThrust, SumOfThrusts
+from hindrax_ident.model.thrust_lag import ONE_LAG, LaggedThrust, SumOfThrusts
 from hindrax_ident.records.axis_record import Record, Stretch
 
 SMALL_S = 1e-4
@@ -44,7 +44,6 @@ ROBUST = 3.0
 glitches."""
 STARTS = ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
 """Initial lags and latencies of the search [s]."""
-ONE_LAG = 0.0, 0.0
 CLEAR, LEAST_LATER_S = 5.0, 0.04
 """Deviations from which lags differ, and by how much one of them does at least. Records of MuJoCo, whose thrust has one
 lag, show up to 6 deviations of 0.03 s where forces of other axes look like it; 0.1 and 0.15 s show 7 and more."""

@@ -134,7 +134,7 @@ def with_smoothing(
     -------
     tuple[Record, OutputErrorFit]
         The record without its filter (`smoothing_s`), of means (`means`), or with thrust that is more than a lag
-        (`goes_later_s`, `ramps_s`), and its fit; both as they were where there is none. But for the doubt
+        (`later_s`, `ramps_s`), and its fit; both as they were where there is none. But for the doubt
         (`filter_doubt_s`) where the record has one, and without it the body could not be, and for the hint
         (`filter_hint_s`) of a filter that explains little.
     """
@@ -154,7 +154,7 @@ def with_smoothing(
         found[FLAT] = search.coarse(FLAT)
     kind = min(found, key=lambda one: search.best(found[one]).error)
     best = search.best(found[kind])
-    if _as_means(*uneven, 0.0) < min(best.error, HINT * none.error):
+    if differ and _as_means(*uneven, 0.0) < min(best.error, HINT * none.error):
         return uneven
     if best.error > NEARER * none.error:
         hint = search.best(found[FILTER])

@@ -17,6 +17,9 @@ LEAST_MEMORY_S = 0.02
 """Shortest time constant of an unknown force, where the thrusters have no lag: it is a state of the filters of
 `fit.whitening` and `online.filtered_regression`, and white noise cannot be one."""
 
+ONE_LAG = 0.0, 0.0
+"""By how much the lags of thrust that goes, and that turns round, are longer than that of what comes, where they are
+the same [s]."""
 SHORT_S = 1e-9
 """A lag below this is none."""
 SHORTEST_S = 0.01
@@ -34,9 +37,7 @@ class LaggedThrust:
 
     __slots__ = ("_commands", "_impulses", "_lagged", "_lags_s", "_times")
 
-    def __init__(
-        self, times_s: Array, commands: Array, lag_s: float, later_s: tuple[float, float] = (0.0, 0.0)
-    ) -> None:
+    def __init__(self, times_s: Array, commands: Array, lag_s: float, later_s: tuple[float, float] = ONE_LAG) -> None:
         if len(times_s) == 0:
             raise ValueError("no thrust in the record, wanted at least one command")
         self._times, self._commands = np.asarray(times_s, float), np.asarray(commands, float)
@@ -134,7 +135,7 @@ def _decay(spans_s: Array, lag_s: Array | float) -> Array:
 
 
 class _Lags(NamedTuple):
-    """Lags of thrust that comes, that goes toward zero, and that turns round, up to zero [s]."""
+    """Lags of thrust that comes, which is not zero, that goes toward zero, and that turns round, up to zero [s]."""
 
     comes_s: float
     goes_s: float
@@ -155,7 +156,7 @@ class _Lags(NamedTuple):
         come = _decay(steps_s - np.minimum(zero_s, steps_s), self.comes_s)
         passed = zero_s < steps_s
         share = np.divide(commands, commands - thrusts, out=np.zeros_like(thrusts), where=passed)
-        slope = np.where(passed, share * self.turns_s / max(self.comes_s, SHORT_S) * come, kept)
+        slope = np.where(passed, share * self.turns_s / self.comes_s * come, kept)
         return np.where(passed, commands * (1.0 - come), commands + (thrusts - commands) * kept), slope
 
 

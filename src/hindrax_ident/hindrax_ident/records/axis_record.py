@@ -13,7 +13,7 @@ import numpy as np
 
 from hindrax_core.signals import BLOCKED
 from hindrax_ident.arrays import Array, Flags, array, largest
-from hindrax_ident.model.thrust_lag import LaggedThrust, SumOfThrusts
+from hindrax_ident.model.thrust_lag import ONE_LAG, LaggedThrust, SumOfThrusts
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 NEUTRAL_S = 2.0
@@ -182,7 +182,7 @@ class Record:
     means: tuple[tuple[float, float], ...] = ()
     """Each velocity is a sum of means of the motion about its time: share of each, and over how long [s]; empty: it is
     that of the moment."""
-    later_s: tuple[float, float] = (0.0, 0.0)
+    later_s: tuple[float, float] = ONE_LAG
     """By how much the lags of thrust that goes, and of thrust that turns round, are longer than that of what comes."""
     ramps_s: float = 0.0
     """Time from zero to the largest thrust, where it ramps, which `thrust` has; 0: none."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_ident.arrays import Array, Index, array, rounding
+from hindrax_ident.model.thrust_lag import ONE_LAG
 from hindrax_ident.records.axis_record import Series, is_fresh
 
 FINEST_S, COARSEST_S = 0.04, 0.1
@@ -59,7 +60,7 @@ class SixAxisRecord:
     wrench_t: Array
     wrench: Array
     grids: tuple[Grid, ...]
-    later_s: tuple[float, float] = (0.0, 0.0)
+    later_s: tuple[float, float] = ONE_LAG
     """By how much the lags of thrust that goes and turns round are longer (see `Record.later_s`)."""
 
     @property
