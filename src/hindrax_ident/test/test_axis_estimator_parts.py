@@ -314,14 +314,15 @@ def test_the_first_estimate_is_the_prior_in_the_noise_of_the_first_velocities() 
 def test_blocks_are_merged_in_pairs_and_none_is_lost() -> None:
     estimator, rng = begun(), np.random.default_rng(1)
     rows = rng.standard_normal((25 * 40 + 75, 5))
+    known = array(np.ones(1))
     for index, row in enumerate(rows.tolist()):
-        estimator._widening = array(np.ones(1))
+        estimator._widening = known
         estimator._add_to_block(tuple(row))
         done = index + 1
         blocks = done // 25 if done < 1000 else 20 + (done - 1000) // 50
         assert len(estimator._blocks) == blocks, done
         fresh = done % 25 == 0 if done <= 1000 else (done - 1000) % 50 == 0
-        assert (estimator._widening is None) is fresh
+        assert (estimator._widening is not known) is fresh
     assert estimator._blocks[0] == pytest.approx(rows[:50].T @ rows[:50])
     assert estimator._blocks[19] == pytest.approx(rows[950:1000].T @ rows[950:1000])
     assert sum(estimator._blocks) == pytest.approx(rows[:1050].T @ rows[:1050])

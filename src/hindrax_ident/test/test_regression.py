@@ -8,8 +8,9 @@ import pytest
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, _two_poles, physical, scaled
+from hindrax_ident.online.filtered_regression import DIRECTION_S, FilteredRegression, Sample, physical, scaled
 from hindrax_ident.online.rls import Rls
+from hindrax_ident.online.thrust_cascade import two_poles
 from hindrax_ident.testing.synthetic_runs import STEP_S, Flight, back_and_forth, fly
 
 THETA = np.array([66.48, 1.25, 0.3, 27.3])
@@ -319,21 +320,32 @@ def test_a_velocity_beyond_three_deviations_of_its_noise_has_its_own_sign(deviat
     assert [slope != 0.0 for slope in last.slope[:4]] == ([True] * 2 + [False] * 2)[:: 1 if deviations > 3.0 else -1]
 
 
-def test_a_velocity_that_is_lost_in_its_noise_has_the_sign_of_the_last_third_of_a_second() -> None:
-    """At rest it goes backward; after a turn it does until the mean, with a time constant of 0.3 s, crosses zero."""
-    regression, step_s = FilteredRegression(Model(2, 15.22, split=True), 0.15, 1.0), 0.01
+def turns(velocities: list[float], step_s: float) -> list[int]:
+    """Indices of samples from which a velocity that is lost in its noise has the other direction."""
+    regression = FilteredRegression(Model(2, 15.22, split=True), 0.15, 1.0)
     regression.noise_variance = 1.0
     regression.thrust(0.0, 0.0)
-    ahead = []
-    for index, v in enumerate([0.0] * 3 + [0.1] * 300 + [-0.1] * 60):
-        sample = regression.velocity(step_s * index, v)
-        ahead.append(sample is not None and sample.slope[1] != 0.0)
-    changes = [index for index in range(1, len(ahead)) if ahead[index] is not ahead[index - 1]]
-    turned = [(index - 303) * step_s for index in changes]
-    assert len(turned) == 2
+    samples = [regression.velocity(step_s * index, v) for index, v in enumerate(velocities)]
+    ahead = [sample is not None and sample.slope[1] != 0.0 for sample in samples]
+    return [index for index in range(1, len(ahead)) if ahead[index] is not ahead[index - 1]]
+
+
+def test_a_velocity_that_is_lost_in_its_noise_has_the_sign_of_its_mean_with_its_trend() -> None:
+    """At rest it goes backward. After a turn the mean e^-a, its trend a e^-a: they are zero at (1 - a) e^-a = 1 / 2."""
+    step_s = 0.01
+    begins, turned = turns([0.0] * 3 + [0.1] * 300 + [-0.1] * 60, step_s)
     # The mean is without the newest velocity, which has noise in common with the one before.
-    assert turned[0] == pytest.approx(-300 * step_s + step_s, abs=1.5 * step_s)
-    assert turned[1] == pytest.approx(0.3 * math.log(2.0) + step_s, abs=1.5 * step_s)
+    assert begins == pytest.approx(3 + 1, abs=1)
+    assert (turned - 303) * step_s == pytest.approx(0.315 * DIRECTION_S + step_s, abs=1.5 * step_s)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("rate", [0.02, 0.3])
+def test_a_velocity_that_goes_through_zero_is_not_long_taken_for_the_other_direction(way: float, rate: float) -> None:
+    """A mean of the past is late by its time constant: a twentieth of heave's buoyancy was drag of the other way."""
+    step_s = 0.1
+    ramp = [way * rate * step_s * (index - 40.5) for index in range(81)]
+    assert turns(ramp, step_s)[-1] == pytest.approx(41, abs=1)
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.15])
@@ -358,7 +370,7 @@ def test_two_poles_in_a_row_have_an_integral_in_closed_form(apart: float) -> Non
     b, step = 2.0, 0.02
     a = b + apart
     wanted = step if apart == 0.0 else math.expm1(apart * step) / apart
-    found = _two_poles(a, b, step, math.exp(-a * step), math.exp(-b * step))
+    found = two_poles(a, b, step, math.exp(-a * step), math.exp(-b * step))
     assert found == pytest.approx(wanted * math.exp(-a * step), rel=1e-8)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hindrax_ident.arrays import Array
-from hindrax_ident.online.filtered_regression import THRUST_NOISE_S, UNKNOWN, RATE_NOISE_radps, RowWhitener
+from hindrax_ident.online.filtered_regression import LEAST_NOISE, THRUST_NOISE_S, UNKNOWN, RowWhitener
 
 STEP_S, POLE, LAG_S, MASS, MOMENT_Nm = 0.015, 1.3, 0.15, 0.7, 2.0
 
@@ -25,7 +25,7 @@ def disturbed(seed: int, acting: Array) -> tuple[Array, Array]:
             moved += h * (pushed - POLE * moved)
         kept.append(moved)
     moves = np.array(kept)
-    return moves + RATE_NOISE_radps * rng.standard_normal(len(moves)), moves
+    return moves + LEAST_NOISE * rng.standard_normal(len(moves)), moves
 
 
 def whitened(rows: Array, acting: Array) -> tuple[Array, Array]:
@@ -51,7 +51,7 @@ def test_what_is_left_of_disturbed_rows_is_white_noise_of_the_velocity() -> None
     assert correlation(rows) > 0.95
     left, scales = whitened(rows, acting)
     assert abs(correlation(left[100:])) < 0.05
-    assert left[100:].std() == pytest.approx(RATE_NOISE_radps, rel=0.05)
+    assert left[100:].std() == pytest.approx(LEAST_NOISE, rel=0.05)
     assert scales[-1] < 0.9
 
 
@@ -61,7 +61,7 @@ def test_thrusters_at_rest_disturb_nobody_and_their_rows_count_in_full() -> None
     left, scales = whitened(rows, acting)
     assert scales[1999] < 0.9
     assert scales[-1] > 0.99
-    assert left[-200:].std() == pytest.approx(RATE_NOISE_radps, rel=0.15)
+    assert left[-200:].std() == pytest.approx(LEAST_NOISE, rel=0.15)
 
 
 def test_the_first_row_after_a_restart_only_shows_the_disturbance() -> None:
@@ -94,3 +94,41 @@ def test_an_effort_that_cannot_be_is_forgotten_again(effort: float) -> None:
         whitener.advance((index + 1) * STEP_S, POLE)
         whitener.update(whitener.unpredicted((0.1,)))
     assert whitener.scale > 0.9
+
+
+def adapted(rows: Array, acting: Array, most: float = 1.0) -> RowWhitener:
+    """A whitener that has followed the innovations of rows [rad/s]."""
+    whitener = RowWhitener(1, LAG_S, MASS)
+    for index, (y, on) in enumerate(zip(rows.tolist(), acting.tolist(), strict=True)):
+        whitener.effort(index * STEP_S, on * MOMENT_Nm**2)
+        whitener.advance((index + 1) * STEP_S, POLE)
+        (new,) = whitener.unpredicted((y,))
+        whitener.adapt(new * whitener.scale, most)
+        whitener.update([new])
+    return whitener
+
+
+@pytest.mark.parametrize("noise", [LEAST_NOISE, 0.01, 0.02])
+def test_the_noise_of_a_velocity_beside_that_of_the_thrust_is_found(noise: float) -> None:
+    acting = np.ones(6000)
+    _, moves = disturbed(3, acting)
+    rows = moves + noise * np.random.default_rng(4).standard_normal(len(moves))
+    assert adapted(rows, acting).noise == pytest.approx(noise, rel=0.3)
+    assert adapted(rows, acting, 0.5 * noise).noise <= max(LEAST_NOISE, 0.5 * noise)
+
+
+def test_forces_that_nobody_knows_are_no_noise_of_the_velocity() -> None:
+    acting = np.ones(3000)
+    _, moves = disturbed(5, acting)
+    assert adapted(30.0 * moves, acting).noise == LEAST_NOISE
+
+
+def test_what_was_before_a_gap_is_not_alike() -> None:
+    whitener = RowWhitener(1, LAG_S, MASS)
+    for index in range(200):
+        whitener.adapt(0.01 * (-1.0) ** index, 1.0)
+    grown = whitener.noise
+    assert grown > 3.0 * LEAST_NOISE
+    whitener.restart()
+    whitener.adapt(1e6, math.inf)
+    assert whitener.noise == pytest.approx(grown, rel=0.05)

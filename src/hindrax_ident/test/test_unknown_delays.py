@@ -19,7 +19,6 @@ from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.online import axis_estimator
 from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.axis_session import AxisSession
-from hindrax_ident.online.filtered_regression import found_delays
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed
 from hindrax_ident.testing.synthetic_runs import Flight, Plan, back_and_forth, events, fly, sensors_of
@@ -56,7 +55,7 @@ def test_live_bands_hold_for_every_delay_of_every_axis(
     sigmas = np.sqrt(np.diag(covariance))
     assert np.abs((found - theta) / sigmas).max() < 3.0
     # They are bands of a measurement: a prior is 60 to 100 %.
-    assert sigmas[-1] < 0.4 * theta[-1]
+    assert sigmas[-1] < 0.06 * theta[-1]
 
 
 @pytest.mark.parametrize("axis", [0, 2, 5])
@@ -64,7 +63,7 @@ def test_live_bands_hold_for_every_delay_of_every_axis(
 def test_live_bands_hold_where_thrust_goes_by_another_lag_than_it_comes(
     vehicle: Vehicle, axis: int, comes_s: float, goes_s: float
 ) -> None:
-    """Live, a mass of heave was 34.5 +- 0.7 kg for 37.7."""
+    """Live, a mass of heave was 34.5 +- 0.7 kg for 37.7; of yaw 12 % more inertia than 1.2."""
     model, theta, motion = model_of(vehicle, axis), true_theta(vehicle, axis), motions_of(axis)[0].name
     levels = [part for one in LEVELS[axis] for part in (one, 0.0, -one, 0.0)] * 2
     plan = Plan(array(np.arange(len(levels)) * 4.0), array(np.array(levels)), 4.0 * len(levels))
@@ -78,25 +77,33 @@ def test_live_bands_hold_where_thrust_goes_by_another_lag_than_it_comes(
     inputs = events(told, axis, motion, sensors_of(axis), np.random.default_rng(1))
     for event in Feed(vehicle, session.tuning).all(sorted(inputs, key=lambda one: one.stamp)):
         session.step(event)
-    found, covariance = session._axes[axis].estimator.estimate()
+    estimator = session._axes[axis].estimator
+    found, covariance = estimator.estimate()
     assert np.abs((found - theta) / np.sqrt(np.diag(covariance))).max() < 3.0
+    assert found[-1] == pytest.approx(theta[-1], rel=0.02)
+    assert estimator._delays_s is not None
+    assert estimator._delays_s[2] == pytest.approx(goes_s - comes_s, abs=0.04)
+
+
+@pytest.mark.parametrize("axis", [0, 5])
+def test_punctual_velocities_are_not_taken_for_late_ones(vehicle: Vehicle, axis: int) -> None:
+    """Begun with 50 ms of latency, the thrust came too late to be described: 6 % of yaw's inertia were missing."""
+    model, theta, motion = model_of(vehicle, axis), true_theta(vehicle, axis), motions_of(axis)[0].name
+    flight = fly(model, theta, back_and_forth(LEVELS[axis], 5.0, 80.0), 0.15)
+    session = Session(vehicle, every_s=math.inf)
+    for event in Feed(vehicle, session.tuning).all(
+        events(flight, axis, motion, sensors_of(axis), np.random.default_rng(2))
+    ):
+        session.step(event)
+    found, covariance = session._axes[axis].estimator.estimate()
+    assert found[-1] == pytest.approx(theta[-1], rel=0.02)
+    assert math.sqrt(covariance[-1, -1]) < 0.02 * theta[-1]
 
 
 def test_a_new_axis_begins_with_the_delays_of_the_vehicle_file(vehicle: Vehicle) -> None:
     model = model_of(vehicle, 5)
     estimator = AxisSession(vehicle, model, wide_prior(vehicle, model), Session(vehicle).tuning).estimator
     assert estimator.regression.lag_s == pytest.approx(0.15)
-
-
-@pytest.mark.parametrize(("lag_s", "delay_s"), [(0.05, 0.0), (0.3, 0.0), (0.1, 0.07), (0.2, -0.04)])
-def test_two_coefficients_give_lag_and_delay(lag_s: float, delay_s: float) -> None:
-    # Taylor series of exp(-s d) (1 + s T) / (1 + s L) in u = s / (1 + s T), by differences on a circle about 0.
-    T, n = 0.15, 64
-    u = 0.5 * np.exp(2j * math.pi * np.arange(n) / n)
-    s = u / (1.0 - u * T)
-    series = np.fft.fft(np.exp(-s * delay_s) * (1.0 + s * T) / (1.0 + s * lag_s)) / n
-    first, second = (float((series[order] / 0.5**order).real) for order in (1, 2))
-    assert found_delays((first, second), T) == pytest.approx((lag_s, delay_s), abs=1e-6)
 
 
 def of_another_stack(vehicle: Vehicle, inputs: Iterable[Stamped[IdentEvent]]) -> tuple[AxisEstimator, Session]:

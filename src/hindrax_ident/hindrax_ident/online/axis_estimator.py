@@ -9,13 +9,14 @@ A velocity goes through these, in this order, and each says in its own module wh
     estimate                    q, g and their covariance                          Rls.update
 
 Symbols. theta (p,) the model's parameters, M the last of them; q = (theta / M, 1 / M), in which the row is linear; g
-the coefficients of the delay's shapes; n = p + number of shapes, less one where the mass is fixed. Rows have the noise
-of one velocity, whose variance s^2 is estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
+the coefficients of the thrust's delay: m of its shapes, and one of thrust that goes later than it comes; n = p + m + 1,
+where the lag is known p, less one where the mass is fixed. Rows have the noise of one velocity, whose variance s^2 is
+estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
 
-What the covariance of least squares does not contain is added when it is asked for (`estimate`): color of the residuals
-and what differs between parts of the run (`_measured_widening`), shapes beyond the last (`_left_out`), thrust that goes
-later than it comes, and of a record that moves across the drag by incidence (`_considered`). It is computed from sums,
-so a sample costs the same however long the run is.
+What least squares does not know is told when the estimate is asked for (`estimate`): color of the residuals and what
+differs between parts of the run (`_measured_widening`), that the shapes are those of one lag and one delay
+(`lag_and_delay`), shapes beyond the last (`_left_out`), and of a record that moves across the drag by incidence
+(`_by_incidence`). It is computed from sums, so a sample costs the same however long the run is.
 """
 
 import itertools
@@ -34,16 +35,16 @@ from hindrax_ident.online.filtered_regression import (
     FilteredRegression,
     RowWhitener,
     Sample,
-    found_delays,
     physical,
     scaled,
     slope_by_speed_across,
 )
 from hindrax_ident.online.joint_ekf import JointFilter
+from hindrax_ident.online.lag_and_delay import GOES, Delays, lag_and_delay
 from hindrax_ident.online.rls import Rls
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.binning import DEPTH_S
-from hindrax_ident.tuning import LAG_DIFFERENCE_S, LAG_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
+from hindrax_ident.tuning import LAG_DIFFERENCE_S, LAG_SIGMA_S, USUAL_LAG_S, Tuning
 
 NOISE = 0.01
 """Noise of a velocity [m/s, rad/s] assumed of the first samples, and to weight the prior against them."""
@@ -62,15 +63,20 @@ weighted toward the middle."""
 SUMMED_S = 0.7
 """Derived velocities are differences, and so is their noise: their regression rows are integrated over this time."""
 SHAPES = 4
-"""Coefficients for what lag and delay of the thrust differ from those assumed."""
+"""Shapes for what lag and delay of the thrust differ from those assumed."""
 LEAST_LAG_S = 0.1
 """Shortest lag of the filter that they belong to: with it they describe any lag below."""
 DELAYS_AFTER_S = 5.0
 """Time of learning after which the delays found are looked at; again after twice of it, and so on."""
 LAST_LOOK_S = 25.0
 """Time of learning after which more is lost by a new beginning than by delays that are a little off."""
-DELAY_OFF_S, DELAY_KNOWN_S = 0.03, 0.01
-"""Change of lag or delay that is worth to begin anew, and the standard deviation below which it is known."""
+OFF_S, CLEARLY = 0.03, 2.0
+"""Change of lag or latency that is worth to begin anew, and in standard deviations of the lag."""
+MEAN_KNOWN_S = 0.05
+"""Standard deviation of lag and delay together below which they are known."""
+TOO_LATE_S = 0.003
+"""Time by which the latency assumed is less than that found: what comes too late can be described, and nothing before
+its cause. With 50 ms assumed of punctual velocities yaw's inertia was 6 % too small."""
 MOST_LATE_S = 1.0
 """Longest lag or latency that is followed: more is another defect."""
 PRIOR_KEPT = 10.0
@@ -88,21 +94,22 @@ class AxisEstimator:
         lag_s: float,
         prior: Prior,
         tuning: Tuning,
-        prior_delays_s: tuple[float, float] = (USUAL_LAG_S, USUAL_LATENCY_S),
+        usual_lag_s: float = USUAL_LAG_S,
         *,
         shapes: int = SHAPES,
     ) -> None:
         """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated.
 
-        Otherwise the shape of the thrust's delay is estimated too, about `prior_delays_s`: lag and latency. With 0
-        `shapes`, `lag_s` is taken for the truth, as the joint filter always does.
+        Otherwise the delay of the thrust is estimated too, about `usual_lag_s` and no latency. With 0 `shapes`, `lag_s`
+        is taken for the truth, as the joint filter always does.
         """
         self.model, self._tuning = model, tuning
         self._fixed_mass = float(prior.values[-1]) if tuning.plateaus_only else 0.0
         self._shapes = 0 if self._fixed_mass else shapes
         self._known_after = KNOWN_AFTER * (len(model.names) - bool(self._fixed_mass))
         self._lag_s = lag_s
-        self._begin(prior, *(prior_delays_s if self._shapes else (lag_s, 0.0)))
+        self._learned_s, self._look_s = 0.0, DELAYS_AFTER_S
+        self._begin(prior, usual_lag_s if self._shapes else lag_s, 0.0)
         self._inputs: deque[tuple[float, str, float]] = deque()
         self._thrusts: deque[tuple[float, str, float]] = deque()
         self._thrust_s = math.nan
@@ -117,7 +124,7 @@ class AxisEstimator:
         tuning, model = self._tuning, self.model
         self._prior = prior
         lag_s = max(LEAST_LAG_S, lag_s) if self._shapes else lag_s
-        self._late_s, self._learned_s, self._look_s = late_s, 0.0, DELAYS_AFTER_S
+        self._late_s = late_s
         self.regression = FilteredRegression(model, lag_s, tuning.filter_rate, self._shapes)
         # Without any, the noise of the first samples would choose the direction: heave begins at rest.
         self.regression.noise_variance = NOISE**2
@@ -126,40 +133,49 @@ class AxisEstimator:
         values = scaled_values[:known].tolist()
         sigmas = (np.sqrt(np.diag(covariance))[:known] / NOISE).tolist()
         delay_sigma_s = math.sqrt(2.0) * (tuning.lag_doubt_s or LAG_SIGMA_S)
-        sigmas += [delay_sigma_s**order * values[-1] / NOISE for order in range(1, self._shapes + 1)]
-        values += [0.0] * self._shapes
+        delay_sigmas = [delay_sigma_s**order for order in range(1, self._shapes + 1)]
+        delay_sigmas += [LAG_DIFFERENCE_S * delay_sigma_s**order for order in range(GOES)] * bool(self._shapes)
+        sigmas += [one * values[-1] / NOISE for one in delay_sigmas]
+        values += [0.0] * len(delay_sigmas)
         self._rls = Rls(values, sigmas, tuning.forgetting)
-        considered = bool(self._shapes) + model.turns
-        self._whitener = RowWhitener(len(values) + 1 + considered, lag_s, float(prior.values[-1]))
-        # Sums over the rows of x times each column that is considered, and the highest speed: `_considered`.
-        self._along, self._fastest = [(0.0,) * len(values)] * considered, 0.0
+        self._whitener = RowWhitener(len(values) + 1 + model.turns, lag_s, float(prior.values[-1]))
+        # Sum over the rows of x times the column of the drag by incidence, and the highest speed: `_by_incidence`.
+        self._along, self._fastest = (0.0,) * len(values), 0.0
         self.correlator = Correlator()
         self._filter = JointFilter(model, self._lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
         self._sum: tuple[float, ...] = ()
         self._rows: list[tuple[float, ...]] = []
         self._blocks: list[Array] = []
         self._length = SHORTEST_BLOCK
-        self._widening: Array | None = None
-        """None after a block was added, until the covariance is asked for."""
+        # What the last block of samples told: how much parts of the run differ, and lag and delay of the thrust.
+        self._widening: Array = np.ones((len(values),) * 2)
+        self._delays_s: Array | None = None
 
     def _other_delays_s(self) -> tuple[float, float] | None:
-        """Lag and latency where they are known, and clearly others than those assumed [s].
+        """Lag and latency to begin anew with, where they are known, and clearly others than those assumed [s].
 
-        The ratios of the first shapes to 1 / M say by how much (`found_delays`); the second one goes with the square of
-        a lag, so its deviation is compared with that of a square. A filter with a wrong lag describes the thrust by
-        shapes that it has to estimate, which costs information: worth a new beginning only if the change is clear,
-        and early, because the rows of before cannot be filtered again.
+        A filter with wrong ones describes the thrust by shapes that it has to estimate, and by too few of them: worth a
+        new beginning only if the change is clear, and early, because the rows of before cannot be filtered again. Of a
+        delay much longer than the filter's lag the shapes tell the sum with the lag better than its parts; the latency
+        is then that which is left by the longer of both lags.
         """
-        lag_s = self.regression.lag_s
-        at = len(self.model.names)
-        per_mass, first, second, *_ = self._rls.values[at - 1 :]
-        sigmas = np.sqrt(np.diag(self._rls.unit_covariance)[at : at + 2] * self._noise_variance) / abs(per_mass)
-        if not (per_mass > 0.0 and sigmas[0] < DELAY_KNOWN_S and sigmas[1] < 2.0 * lag_s * DELAY_KNOWN_S):
+        values = np.array(self._rls.values)
+        if not values[len(self.model.names) - 1] > 0.0:
             return None
-        found_s, later_s = found_delays((first / per_mass, second / per_mass), lag_s)
-        late_s = min(MOST_LATE_S, max(0.0, self._late_s + later_s))
-        off_s = max(abs(max(LEAST_LAG_S, found_s) - lag_s), abs(late_s - self._late_s))
-        return (found_s, late_s) if off_s > DELAY_OFF_S and found_s < MOST_LATE_S else None
+        found = self._lag_and_delay(values, self._covariance())
+        spread_s2, (found_s, delay_s, _) = found.covariance_s2, found.found_s.tolist()
+        lag_sigma_s, mean_sigma_s = math.sqrt(spread_s2[0, 0]), math.sqrt(max(0.0, spread_s2[:2, :2].sum()))
+        before_s, lag_s = self.regression.lag_s, max(LEAST_LAG_S, found_s)
+        late_s = self._late_s + found_s + delay_s - max(lag_s, min(before_s, found_s + lag_sigma_s)) - TOO_LATE_S
+        late_s = min(MOST_LATE_S, max(0.0, late_s))
+        off = abs(lag_s - before_s) > max(OFF_S, CLEARLY * lag_sigma_s) or abs(late_s - self._late_s) > max(
+            OFF_S, CLEARLY * mean_sigma_s
+        )
+        return (lag_s, late_s) if off and mean_sigma_s < MEAN_KNOWN_S and lag_s < MOST_LATE_S else None
+
+    def _lag_and_delay(self, values: Array, covariance: Array) -> Delays:
+        shapes = slice(len(self.model.names), len(values))
+        return lag_and_delay(values, covariance, shapes, self.regression.lag_s, self._delays_s)
 
     @property
     def samples(self) -> int:
@@ -300,12 +316,12 @@ class AxisEstimator:
     def _summed(self, sample: Sample, pause: float) -> Sample:
         """Leaky integral of the rows, which turns differences of measured positions back into positions."""
         keep = math.exp(-pause / SUMMED_S)
-        row = (*sample.x, *sample.shapes, sample.y, *sample.considered)
+        row = (*sample.x, *sample.shapes, sample.y, *sample.incidence)
         past = self._sum or (0.0,) * len(row)
         self._sum = tuple(keep * old + new for old, new in zip(past, row, strict=True))
         columns, y = len(sample.x), len(sample.x) + len(sample.shapes)
-        x, shapes, considered = self._sum[:columns], self._sum[columns:y], self._sum[y + 1 :]
-        return replace(sample, x=x, shapes=shapes, y=self._sum[y], considered=considered)
+        x, shapes, incidence = self._sum[:columns], self._sum[columns:y], self._sum[y + 1 :]
+        return replace(sample, x=x, shapes=shapes, y=self._sum[y], incidence=incidence)
 
     def _refusal(self, sample: Sample | None, pause_s: float, age_s: float) -> Coded[NotLearned]:
         if math.isnan(age_s):
@@ -324,14 +340,14 @@ class AxisEstimator:
         velocities are summed instead of whitened: their noise is that of a difference, not of a disturbance. An outlier
         leaves no trace, neither in the filters nor in the whitening; so nothing is updated before it is judged.
         """
-        x, y, considered = (*sample.x, *sample.shapes), sample.y, sample.considered
+        x, y, incidence = (*sample.x, *sample.shapes), sample.y, sample.incidence
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
         scale = 1.0
         if not derived:
             scale = self._whitener.scale
-            whitened = [scale * value for value in self._whitener.unpredicted((*x, y, *considered))]
-            x, y, considered = tuple(whitened[: len(x)]), whitened[len(x)], tuple(whitened[len(x) + 1 :])
+            whitened = [scale * value for value in self._whitener.unpredicted((*x, y, *incidence))]
+            x, y, incidence = tuple(whitened[: len(x)]), whitened[len(x)], tuple(whitened[len(x) + 1 :])
         innovation, information = self._rls.evaluate(x, y)
         self._outliers = self._outliers + 1 if self._is_outlier(innovation, information) else 0
         if 0 < self._outliers <= MOST_OUTLIERS_IN_A_ROW:
@@ -346,24 +362,28 @@ class AxisEstimator:
         self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
         if not derived and math.isfinite(innovation):
-            self._whitener.update([value / scale for value in (*x, y, *considered)])
+            self._whitener.update([value / scale for value in (*x, y, *incidence)])
         self._add_to_block((*x, y))
         if math.isfinite(innovation):
-            kept = self._tuning.forgetting
-            self._along = [
-                tuple(kept * total + column * value for total, value in zip(along, x, strict=True))
-                for along, column in zip(self._along, considered, strict=True)
-            ]
+            for column in incidence:
+                kept = self._tuning.forgetting
+                self._along = tuple(kept * sum_ + column * one for sum_, one in zip(self._along, x, strict=True))
             self._fastest = max(self._fastest, abs(sample.speed))
+        self._follow(sample, innovation, derived=derived)
+        if self._filter and not self._filter.started and self.samples > START_FILTER_AFTER * len(self.model.names):
+            theta, covariance = self.estimate()
+            self._filter.start(t_s, theta, covariance, self._rls.variance)
+        return SampleVerdict(innovation=innovation / scale)
+
+    def _follow(self, sample: Sample, innovation: float, *, derived: bool) -> None:
+        """Let filter and whitening follow what is known of noise and drag after a sample."""
         if self.samples > ROUGHLY_AFTER * self._rls.n:
             # The noise of a sum of differences is that of the positions: a difference has twice its variance.
             self.regression.noise_variance = self._rls.variance * (2.0 if derived else 1.0)
         if self.samples > self._known_after:
             self._adapt_filter(sample)
-        if self._filter and not self._filter.started and self.samples > START_FILTER_AFTER * len(self.model.names):
-            theta, covariance = self.estimate()
-            self._filter.start(t_s, theta, covariance, self._rls.variance)
-        return SampleVerdict(innovation=innovation / scale)
+            if not derived:
+                self._whitener.adapt(innovation, self.noise)
 
     def _is_outlier(self, innovation: float, information: float) -> bool:
         if self.samples <= self._known_after:
@@ -382,7 +402,10 @@ class AxisEstimator:
         if len(self._blocks) == MOST_BLOCKS:
             self._blocks = [one + other for one, other in zip(self._blocks[::2], self._blocks[1::2], strict=True)]
             self._length *= 2
-        self._widening = None
+        self._widening = self._measured_widening()
+        values = np.array(self._rls.values)
+        if self._shapes and values[len(self.model.names) - 1] > 0.0:
+            self._delays_s = self._lag_and_delay(values, self._covariance()).found_s
 
     def _adapt_filter(self, sample: Sample) -> None:
         """Set the filter's pole so that residuals are white: drag slope over mass, plus a margin for disturbances.
@@ -403,18 +426,34 @@ class AxisEstimator:
         """Parameters in the model's order and their covariance: (p,), (p, p)."""
         if self._filter and self._filter.started:
             return self._filter.estimate()
-        if self._widening is None:
-            self._widening = self._measured_widening()
-        covariance = self._rls.unit_covariance * self._noise_variance * self._widening
-        values = np.array(self._rls.values)
+        values, covariance = np.array(self._rls.values), self._covariance()
         if self._fixed_mass:
             return self._with_fixed_mass(values, covariance)
         p = len(self.model.names)
         if self._shapes:
-            covariance = covariance + self._left_out(values, covariance)
-            values, covariance = self._not_before_its_cause(values, covariance)
-        covariance = covariance + self._considered(values)
+            values, covariance = self._with_usual_lags(values, covariance)
+            left_out = self._left_out(values, covariance)
+            if values[p - 1] > 0.0:
+                values, covariance = self._lag_and_delay(values, covariance).estimate
+            values, covariance = self._not_before_its_cause(values, covariance + left_out)
+        covariance = covariance + self._by_incidence(values)
         return physical(values[:p].tolist(), covariance[:p, :p])
+
+    def _covariance(self) -> Array:
+        """That of the unknowns of least squares, as wide as parts of the run differ: (n, n)."""
+        return array(self._rls.unit_covariance * self._noise_variance * self._widening)
+
+    def _with_usual_lags(self, values: Array, covariance: Array) -> tuple[Array, Array]:
+        """Estimate and covariance, (n,) and (n, n), by all that is known before of how much lags differ.
+
+        Least squares began with it in units of `NOISE`. Where forces that nobody knows make the noise larger, it would
+        count less just where it is needed: they look like thrust that goes half a second later.
+        """
+        usual = LAG_DIFFERENCE_S * float(values[len(self.model.names) - 1])
+        lacking = max(0.0, 1.0 - NOISE**2 / self._noise_variance)
+        along = covariance[:, -GOES]
+        gain = along * lacking / (usual**2 + lacking * along[-GOES])
+        return array(values - gain * values[-GOES]), array(covariance - np.outer(gain, along))
 
     def _left_out(self, values: Array, covariance: Array) -> Array:
         """Covariance for the shapes of the delay beyond the last: (n, n).
@@ -422,14 +461,15 @@ class AxisEstimator:
         A series that converges leaves out no more than its last term, and what that one changed of the estimate is
         known; but only as far as it is more than its own noise.
         """
-        variance = float(covariance[-1, -1])
-        changed = covariance[:, -1] / variance
-        return array(np.outer(changed, changed) * max(0.0, float(values[-1]) ** 2 - variance))
+        last = len(self.model.names) + self._shapes - 1
+        variance = float(covariance[last, last])
+        changed = covariance[:, last] / variance
+        return array(np.outer(changed, changed) * max(0.0, float(values[last]) ** 2 - variance))
 
     def _not_before_its_cause(self, values: Array, covariance: Array) -> tuple[Array, Array]:
         """Estimate and covariance, (n,) and (n, n), with no motion that comes before its thrust.
 
-        Mean of lag and delay is what the regression assumes less the first shape over 1 / M (`found_delays`). Where a
+        Mean of lag and delay is what the regression assumes less the first shape over 1 / M (`lag_and_delay`). Where a
         record contains forces that the model lacks, the shapes follow them, and the mass grows: with a mean delay below
         zero the estimate is taken at zero, and what that changed beyond noise is doubt.
         """
@@ -444,21 +484,15 @@ class AxisEstimator:
         doubt = np.outer(moved, moved) * max(0.0, excess**2 - variance)
         return array(values - moved * excess), array(covariance + doubt)
 
-    def _considered(self, values: Array) -> Array:
-        """Covariance for what is no unknown: (n, n).
+    def _by_incidence(self, values: Array) -> Array:
+        """Covariance for the drag by incidence, which no record tells from drag along and is no unknown: (n, n).
 
-        What the fit after the run has as rows of its budget (`influences`): thrust that goes later than it comes, and
-        the drag by incidence, which no record tells from drag along, of the drag at the highest speed over the square
-        of that. A deviation of each moves the estimate by P times the sum of x and its column.
+        As the row of the budget has it after the run (`influences`): a share of the drag at the highest speed, over the
+        square of that. A deviation of it moves the estimate by P times the sum of x and its column (Schmidt 1966).
         """
-        drag = abs(float(values[0]) + float(values[1]) / max(self._fastest, LEAST_SPEED))
-        sizes = [LAG_DIFFERENCE_S * abs(float(values[len(self.model.names) - 1]))] * bool(self._shapes)
-        sizes += [INCIDENCE * drag] * self.model.turns
-        out = np.zeros((len(values),) * 2)
-        for size, along in zip(sizes, self._along, strict=True):
-            moved = size * (self._rls.unit_covariance @ np.array(along))
-            out += np.outer(moved, moved)
-        return array(out)
+        size = abs(float(values[0]) + float(values[1]) / max(self._fastest, LEAST_SPEED)) * INCIDENCE
+        moved = size * (self._rls.unit_covariance @ np.array(self._along))
+        return array(np.outer(moved, moved))
 
     @property
     def _noise_variance(self) -> float:
@@ -472,8 +506,8 @@ class AxisEstimator:
         Methodology 2002): a block on which the estimate leans has smaller residuals than errors. Where forgetting left
         less information than a block had, the residuals are taken as they are.
         """
-        n, blocks = self._rls.n, len(self._blocks)
-        if blocks < 2 * (n - self._shapes):
+        n, blocks, usual = self._rls.n, len(self._blocks), len(self.model.names) + self._shapes
+        if blocks < 2 * len(self.model.names):
             return np.ones((n, n))
         unit, squares = self._rls.unit_covariance, np.array(self._blocks)
         gradients = squares[:, :n, n] - squares[:, :n, :n] @ np.array(self._rls.values)
@@ -484,8 +518,9 @@ class AxisEstimator:
         without = np.linalg.solve(others, gradients[:, :, None])[:, :, 0]
         scatter = np.sum(without**2, axis=0) * (blocks - 1) / blocks
         ratio = np.maximum(1.0, scatter / (np.diag(unit) * self._noise_variance))
-        # That of one coefficient, from so few blocks, is off by a fifth; the color of the noise is that of all.
-        deviation = np.sqrt(np.maximum(ratio, ratio.mean()))
+        # That of one coefficient, from so few blocks, is off by a fifth; the color of the noise is that of all. Thrust
+        # that goes later than it comes is known to less than the times of the commands are: its scatter is its own.
+        deviation = np.sqrt(np.maximum(ratio, ratio[:usual].mean()))
         return np.outer(deviation, deviation)
 
     def _with_fixed_mass(self, values: Array, covariance: Array) -> tuple[Array, Array]:

@@ -65,7 +65,7 @@ class AxisSession:
         # What the velocities were late by was taken off their stamps where it is known (`feed`).
         latency_s = USUAL_LATENCY_S if tuning.velocity_latency_s is None else 0.0
         self._prior_delays_s = (USUAL_LAG_S if lag is None else lag), latency_s
-        self.estimator = AxisEstimator(model, self.lag_s, prior, tuning, self._prior_delays_s)
+        self.estimator = AxisEstimator(model, self.lag_s, prior, tuning, self._prior_delays_s[0])
         self._speed_source, self._way_source = SourceSelector(), SourceSelector()
         self._speed_bin = Bin(tuning.bin_s)
         self._position_s = ANGLE_S if model.restores else 0.0

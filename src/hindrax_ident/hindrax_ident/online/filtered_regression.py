@@ -11,17 +11,17 @@ Analysis, chapter 8, calls that the optimal prefilter). Thrust is piecewise cons
 filtered in closed form; velocity is linear between samples.
 """
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import mul
 
 import numpy as np
 
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import LEAST_SPEED, Model
 from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S, LaggedInput
+from hindrax_ident.online.lag_and_delay import GOES
+from hindrax_ident.online.thrust_cascade import ThrustCascade
 
 SETTLED = 0.05
 """Largest share of the filters' initial transient when samples are used: three time constants."""
@@ -32,10 +32,13 @@ DIRECTION_S = 0.3
 one that turns back has both signs within a second."""
 THRUST_NOISE_S = 1e-4
 """Density of the thrust noise per squared thrust: 3 % for a tenth of a second."""
-RATE_NOISE_radps = 0.0025
-"""Noise of a gyroscope's mean over 15 ms, which weighs least against the thrust noise; a Doppler log [m/s] has more."""
+LEAST_NOISE = 0.0025
+"""Least noise of a velocity against which thrust noise is weighed [m/s, rad/s]: that of a gyroscope's mean over 15 ms.
+A Doppler log has four times that."""
 MOST_EFFORT = 1e12
 """Effort [N^2, N^2 m^2] beyond that of any vehicle: a message may contain anything, also NaN."""
+REMEMBERED, PACE = 0.99, 0.02
+"""Part of the correlation of innovations that is kept from one to the next, and how fast the noise follows it."""
 UNKNOWN = 1e6
 """Variance of a disturbance about which nothing is known."""
 
@@ -45,9 +48,9 @@ class Sample:
     """One row of the regression: y = x . (theta / M, 1 / M) + noise of the velocity [m/s, rad/s].
 
     `slope` is the derivative of x by this velocity; `speed` is the filtered velocity; `settled`: the initial
-    transient of the filters has decayed; `shapes`: see `found_delays` [N/s, N/s^2, ...; N m/s, ...]; `considered`:
-    columns of what is no unknown: where there are shapes thrust that goes later than it comes [N, N m], and where the
-    model `turns` the drag by incidence [m^2/s].
+    transient of the filters has decayed; `shapes`: columns of what the thrust's delay differs from that of the filter,
+    and those of thrust that goes by another lag than it comes (`lag_and_delay`) [N/s, N/s^2, ...; N m/s, ...];
+    `incidence`: where the model `turns` the column of the drag by incidence, which is no unknown [m^2/s].
     """
 
     x: tuple[float, ...]
@@ -56,7 +59,7 @@ class Sample:
     speed: float
     settled: bool
     shapes: tuple[float, ...] = ()
-    considered: tuple[float, ...] = ()
+    incidence: tuple[float, ...] = ()
 
 
 class FilteredRegression:
@@ -71,16 +74,14 @@ class FilteredRegression:
         `speed_across` [m/s, rad/s]: the present one; `area_speed` [m/s]: that by the areas of a turned hull.
         """
         self.model, self.rate, self.noise_variance = model, rate, 0.0
-        self.lag_s, self._split = lag_s, model.split
-        self._force = self._lagged = self._known = self._force_f = self._z = 0.0
-        # Part of the thrust that goes: all changes toward zero since the last restart, behind the lag, and filtered.
-        self._goes = self._goes_lagged = self._goes_f = 0.0
-        # Thrust behind the lag twice, three times and so on, and the same filtered.
-        self._cascade, self._cascade_f = (0.0,) * shapes, (0.0,) * shapes
+        self.lag_s, self._split, self._shapes = lag_s, model.split, shapes
+        self._thrust = ThrustCascade(1 + shapes)
+        # Part of the thrust that goes: all changes toward zero. With it, lags that differ are found.
+        self._goes = ThrustCascade(1 + GOES if shapes else 1)
+        self._known = self._known_f = self._z = 0.0
         self._terms: tuple[float, ...] = ()
         self._position: tuple[float, float] | None = None
         self.speed_across = self.area_speed = 0.0
-        self._known_f = 0.0
         self._t_thrust = self.thrust_time_s = math.nan
         self.restart()
 
@@ -88,22 +89,24 @@ class FilteredRegression:
         """Reset the velocity filters: after a gap, or before the first sample."""
         self.velocity_time_s, self._start = math.nan, 1.0
         self._sums = [0.0] * (len(self.model.names) - 1 + self.model.turns)
-        self._recent = self._direction = 0.0
+        self._recent = self._before = self._direction = 0.0
 
     def undo_last(self) -> None:
         """Undo the last velocity: an outlier would stay in the filters for seconds."""
-        self.velocity_time_s, self._z, self._terms, self._sums, self._start, self._recent, self._direction = self._undo
+        self.velocity_time_s, self._z, self._terms, self._sums, self._start, *sign = self._undo
+        self._recent, self._before, self._direction = sign
 
     def thrust(self, t_s: float, force: float) -> None:
         """Force commanded from this time on, before the thrusters' lag [N, N m]."""
+        before = self._thrust.command
         if math.isnan(self._t_thrust):
-            self._lagged = force
-            self._cascade = (force,) * len(self._cascade)
             self._t_thrust = t_s
+            self._thrust.command = before = force
+            self._thrust.rest()
         self._advance_thrust(t_s)
-        before, self._force, self.thrust_time_s = self._force, force, t_s
+        self._thrust.command, self.thrust_time_s = force, t_s
         if abs(force) < abs(before) or force * before < 0.0:
-            self._goes += (force if force * before > 0.0 else 0.0) - before
+            self._goes.command += (force if force * before > 0.0 else 0.0) - before
 
     def known(self, t_s: float, force: float) -> None:
         """Known force from this time on, in addition to the thrust, without lag [N, N m]."""
@@ -140,27 +143,29 @@ class FilteredRegression:
             Row of the regression; None for the first after a restart, which only initializes the filters.
         """
         terms = self._terms_at(t_s, v)
-        self._undo = self.velocity_time_s, self._z, self._terms, self._sums, self._start, self._recent, self._direction
+        sign = self._recent, self._before, self._direction
+        self._undo = self.velocity_time_s, self._z, self._terms, self._sums, self._start, *sign
         if math.isnan(self.velocity_time_s):
             self.velocity_time_s, self._z, self._terms = t_s, -v, terms
             self._advance_thrust(t_s)
-            self._force_f, self._known_f = 0.0, 0.0
-            self._goes, self._goes_lagged, self._goes_f = 0.0, self._goes_lagged - self._goes, 0.0
-            self._cascade_f = (0.0,) * len(self._cascade)
+            self._known_f = 0.0
+            self._thrust.restart_filter()
+            self._goes.restart_filter()
+            self._goes.lower(self._goes.command)
             return None
         self._advance_thrust(t_s)
         before, self.velocity_time_s = self.velocity_time_s, t_s
         ramp = self._advance_velocity(t_s - before, v, terms)
         sums, terms_of_model = [-total for total in self._sums], len(self.model.names) - 1
-        force = self._force_f + 0.5 * spread_s2 * self._force_curvature
+        force = self._thrust.filtered + self._known_f + 0.5 * spread_s2 * self._force_curvature
         return Sample(
             (*sums[:terms_of_model], force),
             v + self._z,
             self._slope(ramp, v, terms),
             self._linear(self._sums) * self.rate,
             self._start < SETTLED,
-            self._shapes(),
-            (*self._later(), *sums[terms_of_model:]),
+            (*self._thrust.shapes(self.lag_s), *self._goes.shapes(self.lag_s)),
+            tuple(sums[terms_of_model:]),
         )
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
@@ -207,9 +212,12 @@ class FilteredRegression:
             for total, was, now in zip(self._sums, self._terms, terms, strict=True)
         ]
         # A velocity derived from positions has the noise of one of them in common with the velocity before: the sign of
-        # the next is that of a mean without this one.
-        self._direction = self._recent
-        self._recent -= math.expm1(-step / DIRECTION_S) * (v - self._recent)
+        # the next is that of a mean without this one. A mean of the past comes through zero too late, which would give
+        # a part of each direction to the other (heave: 3 % of the buoyancy): so it is extrapolated by its own trend.
+        self._direction = self._recent + (self._recent - self._before) * (1.0 + step / DIRECTION_S)
+        part = -math.expm1(-step / DIRECTION_S)
+        self._recent += part * (v - self._recent)
+        self._before += part * (self._recent - self._before)
         self._start *= keep
         self._terms = terms
         return ramp
@@ -221,95 +229,27 @@ class FilteredRegression:
     @property
     def _force_curvature(self) -> float:
         """Second derivative of the filtered thrust: corrects its mean over a span, like that of the velocity."""
-        rise = (self._force - self._lagged) / self.lag_s if self.lag_s > 0.0 else 0.0
-        return rise - self.rate * (self._lagged + self._known - self.rate * self._force_f)
-
-    def _shapes(self) -> tuple[float, ...]:
-        """Differences of the thrust behind one lag, two and so on, all filtered, over powers of the lag."""
-        row, out = [self._force_f - self._known_f, *self._cascade_f], []
-        while len(row) > 1:
-            row = [(one - other) / self.lag_s for one, other in itertools.pairwise(row)]
-            out.append(row[0])
-        return tuple(out)
-
-    def _later(self) -> tuple[float, ...]:
-        """Column of thrust that goes later than it comes, less the derivative of what goes; none of a known lag."""
-        return (self.rate * self._goes_f - self._goes_lagged,) if self._cascade else ()
+        thrust, rate = self._thrust, self.rate
+        rise = (thrust.command - thrust.lagged) / self.lag_s if self.lag_s > 0.0 else 0.0
+        return rise - rate * (thrust.lagged + self._known - rate * (thrust.filtered + self._known_f))
 
     def _advance_thrust(self, t_s: float) -> None:
-        """Advance lag and filter in cascade, exactly for a command constant since the last call."""
+        """Advance lags and filters, for a command constant since the last call."""
         step = t_s - self._t_thrust
         if not step > 0.0:
             return
-        rate, lag_s = self.rate, self.lag_s
-        kept = math.exp(-rate * step)
-        if self._cascade:
-            self._known_f = kept * self._known_f + self._known * (1.0 - kept) / rate
-            self._advance_cascade(step, kept)
-        gap, late = self._lagged - self._force, self._goes_lagged - self._goes
-        constant, decay, both = (1.0 - kept) / rate, 0.0, 0.0
-        if lag_s > 0.0:
-            decay = math.exp(-step / lag_s)
-            both = _two_poles(rate, 1.0 / lag_s, step, kept, decay)
-        self._lagged, self._goes_lagged = self._force + gap * decay, self._goes + late * decay
-        self._force_f = kept * self._force_f + (self._force + self._known) * constant + gap * both
-        self._goes_f = kept * self._goes_f + self._goes * constant + late * both
+        kept = math.exp(-self.rate * step)
+        self._known_f = kept * self._known_f + self._known * (1.0 - kept) / self.rate
+        self._thrust.advance(step, self.lag_s, self.rate)
+        if self._shapes:
+            self._goes.advance(step, self.lag_s, self.rate)
         self._t_thrust = t_s
-
-    def _advance_cascade(self, step: float, kept: float) -> None:
-        """Advance the thrust behind more than one lag: exactly, and its filter as if it were linear over the step."""
-        part, force = step / self.lag_s, self._force
-        decay = math.exp(-part)
-        # Lists and `map`: a generator costs as much as what it computes, and this runs at every command and velocity.
-        gaps = [self._lagged - force]
-        gaps += [one - force for one in self._cascade]
-        powers = [1.0]
-        for order in range(1, len(gaps)):
-            powers.append(powers[-1] * part / order)
-        after = [force + decay * sum(map(mul, gaps[at::-1], powers)) for at in range(1, len(gaps))]
-        constant = (1.0 - kept) / self.rate
-        ramp = (step - constant) / (self.rate * step)
-        first = constant - ramp
-        parts = zip(self._cascade_f, self._cascade, after, strict=True)
-        filtered = [kept * total + first * was + ramp * now for total, was, now in parts]
-        self._cascade_f, self._cascade = tuple(filtered), tuple(after)
 
 
 def slope_by_speed_across(v: float, across: float) -> float:
     """Derivative of (sqrt(v^2 + w^2) - |v|) v by the velocity along, w the speed across [m/s, rad/s]."""
     whole = max(math.hypot(v, across), LEAST_SPEED)
     return whole + v * v / whole - 2.0 * abs(v)
-
-
-def _two_poles(a: float, b: float, step: float, at_a: float, at_b: float) -> float:
-    """Integral of exp(-a (h - s)) exp(-b s) over s from 0 to h; the poles may coincide."""
-    apart = a - b
-    return (at_b - at_a) / apart if abs(apart) * step > 1e-6 else step * at_a
-
-
-def found_delays(coefficients: Sequence[float], lag_s: float) -> tuple[float, float]:
-    """Lag, and delay of the inputs beyond it, from the coefficients of the first two shapes of the thrust.
-
-    With u = s / (1 + s T), which is (1 - 1 / (1 + s T)) / T, thrust behind a lag L and a delay d is 1 / (1 + s T) times
-    a power series of u: an expansion in Laguerre functions (Wahlberg 1991, IEEE Transactions on Automatic Control 36,
-    551). Its cumulants are L + d and L squared.
-
-    Parameters
-    ----------
-    coefficients : (2,) [s, s^2]
-        Of `Sample.shapes`, over 1 / M.
-    lag_s : [s]
-        T, that of the filter.
-
-    Returns
-    -------
-    tuple[float, float]
-        L and d [s].
-    """
-    first, second, *_ = coefficients
-    spread = lag_s * lag_s - 2.0 * lag_s * first + 2.0 * second - first * first
-    found_s = math.sqrt(max(0.0, spread))
-    return found_s, lag_s - first - found_s
 
 
 def physical(scaled_values: Sequence[float], covariance: Array) -> tuple[Array, Array]:
@@ -337,12 +277,17 @@ class RowWhitener:
     `fit.whitening` does the same to the residuals of a whole record.
 
     Variances are in units of that of the velocity's noise, so whitened rows have the noise of a velocity [m/s, rad/s].
+
+    How large thrust noise is beside that of a velocity nobody knows before: `adapt` finds it. Taken too large, rows
+    after a change of thrust, which tell the mass, weigh too little: with a gyroscope's noise for a Doppler log's, the
+    interval of surge's mass was half as wide again.
     """
 
     def __init__(self, columns: int, lag_s: float, mass: float) -> None:
         """`columns` of a row, its response among them; the prior `mass` [kg, kg m^2] only weights the rows."""
-        self._columns = columns
-        self._density = THRUST_NOISE_S / (mass * RATE_NOISE_radps) ** 2
+        self._columns, self.noise = columns, LEAST_NOISE
+        self._per_effort = THRUST_NOISE_S / mass**2
+        self._last = self._alike = self._power = 0.0
         self._rate = 1.0 / max(lag_s, LEAST_MEMORY_S)
         self._effort = LaggedInput(lag_s)
         self._t_row = math.nan
@@ -351,7 +296,27 @@ class RowWhitener:
     def restart(self) -> None:
         """Forget the disturbance: after a gap, or before the first row."""
         self._mean = ((0.0, 0.0),) * self._columns
-        self._variance = UNKNOWN, 0.0, 0.0
+        self._variance, self._last = (UNKNOWN, 0.0, 0.0), 0.0
+
+    def adapt(self, innovation: float, most: float) -> None:
+        """Weigh thrust noise so that innovations in a row are neither alike nor alternate (Mehra 1970).
+
+        Those of a filter that expects more of it than there is follow the noise of each velocity, and alternate; if it
+        expects less, or forces act that nobody knows, they stay alike.
+
+        Parameters
+        ----------
+        innovation
+            Of a whitened row [m/s, rad/s].
+        most
+            Noise of a velocity that is not exceeded: that of the residuals [m/s, rad/s].
+        """
+        self._alike = REMEMBERED * self._alike + innovation * self._last
+        self._power = REMEMBERED * self._power + innovation * innovation
+        self._last = innovation
+        if self._power > 0.0:
+            changed = self.noise * math.exp(-PACE * self._alike / self._power)
+            self.noise = max(LEAST_NOISE, min(most, changed))
 
     def effort(self, t_s: float, effort: float) -> None:
         """Sum of the squared contributions of all thrusters from this time on, before their lag [N^2, N^2 m^2]."""
@@ -367,7 +332,8 @@ class RowWhitener:
         at_a, at_b, c = math.exp(-a * step), math.exp(-b * step), b / (a - b)
         # An impulse of thrust noise leaves an acceleration b e^-bt, which has moved the vehicle by c (e^-bt - e^-at).
         aa, ab, bb = (1.0 - at_a * at_a) / (2.0 * a), (1.0 - at_a * at_b) / (a + b), (1.0 - at_b * at_b) / (2.0 * b)
-        density, share = self._density * effort / step, c / b * (at_b - at_a)
+        density = self._per_effort * effort / (step * self.noise**2)
+        share = c / b * (at_b - at_a)
         moved, both, pushed = self._variance
         self._variance = (
             at_a**2 * moved + 2.0 * at_a * share * both + share**2 * pushed + density * c * c * (aa - 2.0 * ab + bb),
