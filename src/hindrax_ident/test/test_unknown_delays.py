@@ -81,8 +81,8 @@ def test_live_bands_hold_where_thrust_goes_by_another_lag_than_it_comes(
     found, covariance = estimator.estimate()
     assert np.abs((found - theta) / np.sqrt(np.diag(covariance))).max() < 3.0
     assert found[-1] == pytest.approx(theta[-1], rel=0.02)
-    assert estimator._delays_s is not None
-    assert estimator._delays_s[2] == pytest.approx(goes_s - comes_s, abs=0.04)
+    assert estimator._thruster is not None
+    assert estimator._thruster.delays_s[2] == pytest.approx(goes_s - comes_s, abs=0.04)
 
 
 @pytest.mark.parametrize("axis", [0, 5])

@@ -40,7 +40,7 @@ from hindrax_ident.online.filtered_regression import (
     slope_by_speed_across,
 )
 from hindrax_ident.online.joint_ekf import JointFilter
-from hindrax_ident.online.lag_and_delay import GOES, Delays, lag_and_delay
+from hindrax_ident.online.lag_and_delay import GOES, Thruster, conditioned, settled, thruster
 from hindrax_ident.online.rls import Rls
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.binning import DEPTH_S
@@ -149,7 +149,8 @@ class AxisEstimator:
         self._length = SHORTEST_BLOCK
         # What the last block of samples told: how much parts of the run differ, and lag and delay of the thrust.
         self._widening: Array = np.ones((len(values),) * 2)
-        self._delays_s: Array | None = None
+        self._delay_columns = slice(len(model.names), len(values))
+        self._thruster = self._thruster_of(np.array([lag_s, 0.0, 0.0])) if self._shapes else None
 
     def _other_delays_s(self) -> tuple[float, float] | None:
         """Lag and latency to begin anew with, where they are known, and clearly others than those assumed [s].
@@ -160,9 +161,9 @@ class AxisEstimator:
         is then that which is left by the longer of both lags.
         """
         values = np.array(self._rls.values)
-        if not values[len(self.model.names) - 1] > 0.0:
+        if self._thruster is None or not values[len(self.model.names) - 1] > 0.0:
             return None
-        found = self._lag_and_delay(values, self._covariance())
+        found = conditioned(values, self._covariance(), self._delay_columns, self._thruster)
         spread_s2, (found_s, delay_s, _) = found.covariance_s2, found.found_s.tolist()
         lag_sigma_s, mean_sigma_s = math.sqrt(spread_s2[0, 0]), math.sqrt(max(0.0, spread_s2[:2, :2].sum()))
         before_s, lag_s = self.regression.lag_s, max(LEAST_LAG_S, found_s)
@@ -173,9 +174,8 @@ class AxisEstimator:
         )
         return (lag_s, late_s) if off and mean_sigma_s < MEAN_KNOWN_S and lag_s < MOST_LATE_S else None
 
-    def _lag_and_delay(self, values: Array, covariance: Array) -> Delays:
-        shapes = slice(len(self.model.names), len(values))
-        return lag_and_delay(values, covariance, shapes, self.regression.lag_s, self._delays_s)
+    def _thruster_of(self, delays_s: Array) -> Thruster:
+        return thruster(delays_s, self.regression.lag_s, self._shapes + GOES)
 
     @property
     def samples(self) -> int:
@@ -403,9 +403,9 @@ class AxisEstimator:
             self._blocks = [one + other for one, other in zip(self._blocks[::2], self._blocks[1::2], strict=True)]
             self._length *= 2
         self._widening = self._measured_widening()
-        values = np.array(self._rls.values)
-        if self._shapes and values[len(self.model.names) - 1] > 0.0:
-            self._delays_s = self._lag_and_delay(values, self._covariance()).found_s
+        values, columns = np.array(self._rls.values), self._delay_columns
+        if self._thruster and values[len(self.model.names) - 1] > 0.0:
+            self._thruster = settled(values, self._covariance(), columns, self._thruster, self.regression.lag_s)
 
     def _adapt_filter(self, sample: Sample) -> None:
         """Set the filter's pole so that residuals are white: drag slope over mass, plus a margin for disturbances.
@@ -430,11 +430,11 @@ class AxisEstimator:
         if self._fixed_mass:
             return self._with_fixed_mass(values, covariance)
         p = len(self.model.names)
-        if self._shapes:
+        if self._thruster:
             values, covariance = self._with_usual_lags(values, covariance)
             left_out = self._left_out(values, covariance)
             if values[p - 1] > 0.0:
-                values, covariance = self._lag_and_delay(values, covariance).estimate
+                values, covariance = conditioned(values, covariance, self._delay_columns, self._thruster).estimate
             values, covariance = self._not_before_its_cause(values, covariance + left_out)
         covariance = covariance + self._by_incidence(values)
         return physical(values[:p].tolist(), covariance[:p, :p])

@@ -30,10 +30,18 @@ STEPS, HALVINGS = 20, 6
 """Most Gauss-Newton steps of these, and how often one is halved that makes it worse."""
 SETTLED = 0.1
 """Step in standard deviations below which they are found."""
-SMALL_S = 1e-6
-"""Step of a difference quotient."""
 LONGEST_S = 1.0
 """Longest of each: more is another defect."""
+PRIOR = np.diag([LONGEST_S**-2, LONGEST_S**-2, LAG_DIFFERENCE_S**-2])
+"""Information about each before [1/s^2]."""
+
+
+class Thruster(NamedTuple):
+    """Lag L, delay d and longer lag e (3,) [s]; its c (m,) and their derivatives by these three (m, 3)."""
+
+    delays_s: Array
+    c: Array
+    slopes: Array
 
 
 class Delays(NamedTuple):
@@ -49,23 +57,44 @@ class Delays(NamedTuple):
     misfit: float
 
 
-def lag_and_delay(
-    values: Array, covariance: Array, shapes: slice, filter_lag_s: float, start_s: Array | None = None
-) -> Delays:
-    """Find the lag and the delay that the shapes tell, and what the estimate is under them.
+def thruster(delays_s: Array, filter_lag_s: float, shapes: int) -> Thruster:
+    """Shapes of a thruster behind the filter.
 
-    Gauss-Newton over the three; all other unknowns follow from them linearly.
+    Parameters
+    ----------
+    delays_s : (3,) [s]
+        L, d and e.
+    filter_lag_s : [s]
+        T.
+    shapes
+        m, of which the last GOES are of the part that goes.
+
+    Returns
+    -------
+    Thruster
+        With these delays.
+    """
+    lag_s, delay_s, longer_s = delays_s.tolist()
+    c, slopes = coefficients(lag_s, delay_s, filter_lag_s, shapes - GOES)
+    c_goes, slopes_goes = coefficients(lag_s + longer_s, delay_s, filter_lag_s, GOES)
+    whole = np.zeros((shapes, FREE))
+    whole[:-GOES, :2] = slopes
+    whole[-GOES:, :2] = slopes_goes - slopes[:GOES]
+    whole[-GOES:, 2] = slopes_goes[:, 0]
+    return Thruster(delays_s, np.concatenate([c, c_goes - c[:GOES]]), whole)
+
+
+def conditioned(values: Array, covariance: Array, shapes: slice, about: Thruster) -> Delays:
+    """Estimate that is conditioned on one thruster, near the one given: one Gauss-Newton step from there.
 
     Parameters
     ----------
     values, covariance : (n,), (n, n)
         x and P; mu above zero.
     shapes
-        Where they are among x: m > FREE, of the thrust from the first on, of the part that goes the last GOES.
-    filter_lag_s : [s]
-        T.
-    start_s : (3,) [s]
-        To begin with; None: the lag of the filter, the delay that is left of the first shape, and no other lag.
+        Where they are among x, mu before them.
+    about
+        Of m > FREE shapes.
 
     Returns
     -------
@@ -74,59 +103,80 @@ def lag_and_delay(
         expected, 1 / misfit of it elsewhere, which is the update by a pseudo-measurement whose own variance is what the
         misfit has beyond P.
     """
-    before = shapes.start - 1
-    g, mu = values[shapes], float(values[before])
-    of_g, of_mu = covariance[:, shapes], covariance[:, before]
-    within, across, alone = of_g[shapes], of_mu[shapes], float(of_mu[before])
-    prior = np.diag([LONGEST_S**-2, LONGEST_S**-2, LAG_DIFFERENCE_S**-2])
-
-    def distance(c: Array) -> tuple[Array, Array]:
-        """Lower root of S (m, m), and r in standard deviations (m,)."""
-        mixed = np.outer(c, across)
-        root = np.linalg.cholesky(within - mixed - mixed.T + alone * np.outer(c, c))
-        return array(root), array(np.linalg.solve(root, g - mu * c))
-
-    def c_of(delays_s: Array) -> Array:
-        lag_s, delay_s, longer_s = delays_s.tolist()
-        comes = coefficients(lag_s, delay_s, filter_lag_s, len(g) - GOES)
-        return array(np.append(comes, coefficients(lag_s + longer_s, delay_s, filter_lag_s, GOES) - comes[:GOES]))
-
-    delays_s = _possible(np.array([filter_lag_s, -g[0] / mu, 0.0]) if start_s is None else start_s)
-    c = c_of(delays_s)
-    root, r = distance(c)
-    for _ in range(STEPS):
-        slope = -mu * np.stack([c_of(delays_s + small) - c for small in SMALL_S * np.eye(FREE)], axis=1) / SMALL_S
-        jacobian = np.linalg.solve(root, slope)
-        information = jacobian.T @ jacobian + prior
-        step = -np.linalg.solve(information, jacobian.T @ r)
-        if step @ information @ step < SETTLED**2:
-            break
-        for _ in range(HALVINGS):
-            tried = _possible(delays_s + step)
-            c = c_of(tried)
-            after = distance(c)
-            if after[1] @ after[1] < r @ r:
-                break
-            step *= 0.5
-        else:
-            break
-        delays_s, (root, r) = tried, after
-    along = np.linalg.solve(root, (of_g - np.outer(of_mu, c)).T)
-    spread_s2, misfit = np.linalg.inv(information), float(r @ r) / (len(g) - FREE)
+    before, m = shapes.start - 1, len(about.c)
+    mu, of_mu = values[before], covariance[:, before]
+    # Covariance of x and r; the rows of r in it are S.
+    along = covariance[:, shapes] - np.outer(of_mu, about.c)
+    S = along[shapes] - np.outer(about.c, along[before])
+    columns = np.concatenate([(values[shapes] - mu * about.c)[:, None], -mu * about.slopes, along.T], axis=1)
+    whitened = np.linalg.solve(np.linalg.cholesky(S), columns)
+    r, jacobian, along = whitened[:, 0], whitened[:, 1 : 1 + FREE], whitened[:, 1 + FREE :]
+    spread_s2 = np.linalg.inv(jacobian.T @ jacobian + PRIOR)
+    found_s = about.delays_s - spread_s2 @ (jacobian.T @ r)
+    if np.any(found_s != _possible(found_s)):
+        # The three move together: at the end of what is possible for one, the others would go without it.
+        found_s = about.delays_s
+    r = r + jacobian @ (found_s - about.delays_s)
+    misfit = float(r @ r) / (m - FREE)
     moves, agrees = along.T @ jacobian, 1.0 / max(1.0, misfit)
     told = moves @ spread_s2 @ moves.T - along.T @ along
     estimate = array(values - agrees * (along.T @ r)), array(covariance + agrees * told)
-    return Delays(array(delays_s), array(spread_s2 * max(1.0, misfit)), estimate, misfit)
+    return Delays(found_s, array(spread_s2 * max(1.0, misfit)), estimate, misfit)
+
+
+def settled(values: Array, covariance: Array, shapes: slice, about: Thruster, filter_lag_s: float) -> Thruster:
+    """Thruster that is nearest to the shapes, by Gauss-Newton steps.
+
+    Parameters
+    ----------
+    values, covariance, shapes, about
+        As of `conditioned`.
+    filter_lag_s : [s]
+        T.
+
+    Returns
+    -------
+    Thruster
+        The one given where it is near enough.
+    """
+    before, m = shapes.start - 1, len(about.c)
+    mu, alone, across = values[before], covariance[before, before], covariance[shapes, before]
+
+    def distance(one: Thruster) -> tuple[Array, Array]:
+        """In standard deviations r (m,), and its derivatives (m, 3)."""
+        mixed = np.outer(one.c, across)
+        S = covariance[shapes, shapes] - mixed - mixed.T + alone * np.outer(one.c, one.c)
+        columns = np.concatenate([(values[shapes] - mu * one.c)[:, None], -mu * one.slopes], axis=1)
+        whitened = np.linalg.solve(np.linalg.cholesky(S), columns)
+        return array(whitened[:, 0]), array(whitened[:, 1:])
+
+    r, jacobian = distance(about)
+    for _ in range(STEPS):
+        information = jacobian.T @ jacobian + PRIOR
+        step_s = -np.linalg.solve(information, jacobian.T @ r)
+        if step_s @ information @ step_s < SETTLED**2:
+            break
+        for _ in range(HALVINGS):
+            tried = thruster(_possible(about.delays_s + step_s), filter_lag_s, m)
+            then = distance(tried)
+            if then[0] @ then[0] < r @ r:
+                break
+            step_s *= 0.5
+        else:
+            break
+        about, (r, jacobian) = tried, then
+    return about
 
 
 def _possible(delays_s: Array) -> Array:
     """Neither lag below zero, and none of the three too long."""
-    lag_s, delay_s, longer_s = np.clip(delays_s, [0.0, -LONGEST_S, -LONGEST_S], LONGEST_S).tolist()
+    lag_s, delay_s, longer_s = (min(LONGEST_S, max(-LONGEST_S, one)) for one in delays_s.tolist())
+    lag_s = max(0.0, lag_s)
     return array(np.array([lag_s, delay_s, max(-lag_s, longer_s)]))
 
 
-def coefficients(lag_s: float, delay_s: float, filter_lag_s: float, shapes: int) -> Array:
-    """Coefficients of the shapes of thrust behind a lag and a delay, times M: (m,) [s, s^2, ...].
+def coefficients(lag_s: float, delay_s: float, filter_lag_s: float, shapes: int) -> tuple[Array, Array]:
+    """Coefficients of the shapes of thrust behind a lag and a delay, times M, and their derivatives by both.
 
     Parameters
     ----------
@@ -136,11 +186,21 @@ def coefficients(lag_s: float, delay_s: float, filter_lag_s: float, shapes: int)
         T.
     shapes
         m.
+
+    Returns
+    -------
+    tuple[Array, Array]
+        (m,) [s, s^2, ...], and (m, 2).
     """
-    # Of exp(p(u)) with p = -d (u + T u^2 + T^2 u^3 ...): k e_k is the sum of i p_i e_(k - i).
-    exponent = [-delay_s * filter_lag_s ** (order - 1) for order in range(1, shapes + 1)]
+    order = np.arange(shapes + 1)
+    # With p(u) = -d (u + T u^2 + T^2 u^3 ...), and e_k the coefficients of exp(p): k e_k is the sum of i p_i e_(k - i).
+    powers = [filter_lag_s**at for at in range(shapes)]
     delayed = [1.0]
-    for order in range(1, shapes + 1):
-        delayed.append(sum(at * exponent[at - 1] * delayed[order - at] for at in range(1, order + 1)) / order)
-    lagged = (filter_lag_s - lag_s) ** np.arange(shapes + 1)
-    return array(np.convolve(delayed, lagged)[1 : shapes + 1])
+    for at in range(1, shapes + 1):
+        delayed.append(-delay_s * sum(i * powers[i - 1] * delayed[at - i] for i in range(1, at + 1)) / at)
+    off_s = filter_lag_s - lag_s
+    lagged = off_s**order
+    by_lag = np.concatenate([[0.0], -order[1:] * lagged[:-1]])
+    c = np.convolve(delayed, lagged)[: shapes + 1]
+    by_delay = -np.convolve(c, powers)[:shapes]
+    return array(c[1:]), array(np.stack([np.convolve(delayed, by_lag)[1 : shapes + 1], by_delay], axis=1))

@@ -43,9 +43,18 @@ class ThrustCascade:
         self._filtered = (0.0,) * len(self._filtered)
 
     def advance(self, step: float, lag_s: float, rate: float) -> None:
-        """Advance by a time: the lags exactly, and the filter exactly behind the first of them.
+        """Advance: the lags exactly, and the filter exactly behind the first of them.
 
         Behind the others it takes the thrust for linear over the step.
+
+        Parameters
+        ----------
+        step : [s]
+            Time since the last call, above zero.
+        lag_s : [s]
+            T; 0 where there is but one.
+        rate : [1/s]
+            Pole of the filter.
         """
         kept = math.exp(-rate * step)
         constant = (1.0 - kept) / rate
@@ -72,7 +81,17 @@ class ThrustCascade:
     def shapes(self, lag_s: float) -> tuple[float, ...]:
         """Differences of the thrust behind one lag, two and so on, all filtered, over powers of the lag.
 
-        The k-th is u^k of the filtered thrust behind one lag, with u = s / (1 + s T): one less than there are lags.
+        The k-th is u^k of the filtered thrust behind one lag, with u = s / (1 + s T).
+
+        Parameters
+        ----------
+        lag_s : [s]
+            T.
+
+        Returns
+        -------
+        tuple[float, ...]
+            One less than there are lags [N, N/s, ...; N m, N m/s, ...].
         """
         row, out = list(self._filtered), []
         while len(row) > 1:
@@ -82,9 +101,21 @@ class ThrustCascade:
 
 
 def two_poles(a: float, b: float, step: float, at_a: float, at_b: float) -> float:
-    """Integral of exp(-a (h - s)) exp(-b s) over s from 0 to h = `step`; the poles may coincide.
+    """Integral of exp(-a (h - s)) exp(-b s) over s from 0 to h; the poles may coincide.
 
-    `at_a`, `at_b`: exp(-a h) and exp(-b h), which the caller has.
+    Parameters
+    ----------
+    a, b : [1/s]
+        Poles.
+    step : [s]
+        h.
+    at_a, at_b
+        exp(-a h) and exp(-b h), which the caller has.
+
+    Returns
+    -------
+    float
+        [s].
     """
     apart = a - b
     return (at_b - at_a) / apart if abs(apart) * step > 1e-6 else step * at_a
