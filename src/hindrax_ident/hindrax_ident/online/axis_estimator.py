@@ -40,7 +40,7 @@ from hindrax_ident.online.filtered_regression import (
     slope_by_speed_across,
 )
 from hindrax_ident.online.joint_ekf import JointFilter
-from hindrax_ident.online.lag_and_delay import GOES, Thruster, conditioned, settled, thruster
+from hindrax_ident.online.lag_and_delay import GOES, conditioned, settled, thruster
 from hindrax_ident.online.rls import Rls
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.binning import DEPTH_S
@@ -150,7 +150,8 @@ class AxisEstimator:
         # What the last block of samples told: how much parts of the run differ, and lag and delay of the thrust.
         self._widening: Array = np.ones((len(values),) * 2)
         self._delay_columns = slice(len(model.names), len(values))
-        self._thruster = self._thruster_of(np.array([lag_s, 0.0, 0.0])) if self._shapes else None
+        usual_s = array(np.array([lag_s, 0.0, 0.0]))
+        self._thruster = thruster(usual_s, lag_s, self._shapes + GOES) if self._shapes else None
 
     def _other_delays_s(self) -> tuple[float, float] | None:
         """Lag and latency to begin anew with, where they are known, and clearly others than those assumed [s].
@@ -169,13 +170,9 @@ class AxisEstimator:
         before_s, lag_s = self.regression.lag_s, max(LEAST_LAG_S, found_s)
         late_s = self._late_s + found_s + delay_s - max(lag_s, min(before_s, found_s + lag_sigma_s)) - TOO_LATE_S
         late_s = min(MOST_LATE_S, max(0.0, late_s))
-        off = abs(lag_s - before_s) > max(OFF_S, CLEARLY * lag_sigma_s) or abs(late_s - self._late_s) > max(
-            OFF_S, CLEARLY * mean_sigma_s
-        )
+        lag_off = abs(lag_s - before_s) > max(OFF_S, CLEARLY * lag_sigma_s)
+        off = lag_off or abs(late_s - self._late_s) > max(OFF_S, CLEARLY * mean_sigma_s)
         return (lag_s, late_s) if off and mean_sigma_s < MEAN_KNOWN_S and lag_s < MOST_LATE_S else None
-
-    def _thruster_of(self, delays_s: Array) -> Thruster:
-        return thruster(delays_s, self.regression.lag_s, self._shapes + GOES)
 
     @property
     def samples(self) -> int:
