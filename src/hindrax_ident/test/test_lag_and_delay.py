@@ -58,6 +58,13 @@ def test_shapes_tell_the_delays(delays_s: tuple[float, float, float]) -> None:
     assert found.estimate[0] == pytest.approx(values, rel=0.02, abs=1e-4)
 
 
+@pytest.mark.parametrize("lost_s", [(0.66, -1.0, 0.0), (0.0, 0.9, 0.0)])
+def test_a_false_beginning_is_left(lost_s: tuple[float, float, float]) -> None:
+    values, covariance = estimate_of(0.1, 0.2, 0.0)
+    found = settled(values, covariance, SHAPES, thruster(array(np.array(lost_s)), T, 6), T)
+    assert found.delays_s == pytest.approx([0.1, 0.2, 0.0], abs=0.01)
+
+
 def test_one_thruster_leaves_less_to_be_known_and_scatters_as_it_says() -> None:
     values, covariance = estimate_of(0.12, 0.04, 0.02)
     rng, masses, told, misfits = np.random.default_rng(3), [], [], []
