@@ -69,3 +69,24 @@ def test_the_true_gusts_count_in_the_bound_whatever_was_found(vehicle: Vehicle) 
     sigmas = [np.sqrt(np.diag(bound_of(fit, SURGE, thrust_s))) for thrust_s in (0.0, 4e-5, 4e-3)]
     assert np.all(sigmas[0] < sigmas[1])
     assert np.all(2.0 * sigmas[1] < sigmas[2])
+
+
+def test_who_does_not_know_the_delays_knows_less_of_the_mass(vehicle: Vehicle) -> None:
+    flight = fly(model_of(vehicle, 0), SURGE, back_and_forth((4.0, 9.0, 13.0), 8.0, 64.0), 0.15)
+    session = Session(vehicle)
+    for event in events(flight, 0, "surge", DVL, np.random.default_rng(2)):
+        session.step(event)
+    outcome = session.finalize()
+    found = outcome.assessments[0]
+    known = np.sqrt(np.diag(bound_of(found.fit, SURGE, 4e-5)))
+    not_known = np.sqrt(np.diag(bound_of(found.fit, SURGE, 4e-5, delayed=found.budget.case.record)))
+    assert not_known[:3] == pytest.approx(known[:3], rel=0.1)
+    assert 1.5 * known[3] < not_known[3] < 5.0 * known[3]
+    trial = trial_of(2, outcome, truth_of(vehicle), lambda _motion, v: 66.48 * abs(v) * v + 1.25 * v, thrust_s=4e-5)
+    bounds = {one.method: one.bound for one in trial.found if one.coefficient == "added_mass"}
+    assert bounds["output-error"] == pytest.approx(known[3])
+    assert bounds["rls"] == pytest.approx(not_known[3])
+    # The live estimate says what it does not know, and that is not much more than nobody could.
+    live = next(one for one in trial.found if (one.coefficient, one.method) == ("added_mass", "rls"))
+    assert abs(live.error) < 2.0 * live.std
+    assert live.std < 2.5 * live.bound

@@ -19,13 +19,17 @@ from hindrax_ident.model.model_parameters import parameters_of, reported_paramet
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.online.session import Outcome
 
+LIVE = "rls"
 SHARES = (0.25, 0.5, 1.0)
 Z95 = 1.959964
 
 
 @dataclass(frozen=True, slots=True)
 class CoefficientError:
-    """One coefficient of one run by one method: error, reported standard deviation, bound of the record."""
+    """One coefficient of one run by one method: error, reported standard deviation, bound of the record.
+
+    The bound of the live estimate is that of one that does not know the delays of the thrust.
+    """
 
     motion: str
     coefficient: str
@@ -125,12 +129,14 @@ def _found(
 ) -> Iterator[CoefficientError]:
     fit, motion = assessment.fit, MOTIONS[result.motion]
     face = reported_parameters(fit.model, motion)
-    bound = bound_of(fit, parameters_of(fit.model, truth), thrust_s)
     # A constant error of the measured angle cannot be separated from an offset of the moment.
-    bound = bound + assessment.budget.prior_band("tilt of the accelerometer")
-    limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))
+    tilt = assessment.budget.prior_band("tilt of the accelerometer")
+    # While it flies nobody knows the delays of the thrust: the live estimate finds them.
+    theta, unknown = parameters_of(fit.model, truth), {LIVE: assessment.budget.case.record}
     methods = {METHOD: result.coefficients, **result.methods}
     for method, numbers in methods.items():
+        bound = bound_of(fit, theta, thrust_s, delayed=unknown.get(method)) + tilt
+        limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))
         for name, number in numbers.items():
             true, stds = truth[result.motion][name], (number.std, limits[name])
             error = number.value - true
