@@ -31,7 +31,7 @@ LEAST_CROSSING = 0.003
 MOST_CROSSINGS = 4
 SMOOTH_S = 0.4
 """Mean of a velocity before its change: that of one sample is noise."""
-SURGE, HEAVE, PITCH, YAW = 0, 2, 4, 5
+SURGE, HEAVE, ROLL, PITCH, YAW = 0, 2, 3, 4, 5
 NOT_WEIGHED = AxisGain(load=1.0, sigma=0.0)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.axis_fit import HEAVE, PITCH, SURGE, YAW, AxisFit
+from hindrax_ident.assess.axis_fit import HEAVE, PITCH, ROLL, SURGE, YAW, AxisFit
 from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares, usual_losses
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse, later_impulses
@@ -69,9 +69,10 @@ VELOCITY_OVER_S = 0.3
 AVERAGED_S, AVERAGING = 1.0, 0.5
 """Time over which the rows of a table may be averages [s], and how much of what that hides they may hide [-]."""
 TETHER = 0.04
-"""Standard deviation of the pull or drag of a tether, as a share of the largest thrust [-]."""
-TETHER_END_N, TETHER_mps = 0.4, 0.5
-"""Greatest drag of the last meter of a tether at that speed: a fifth of that of five (`conditions/water.py`)."""
+"""Standard deviation of the pull of a tether, and in the record of another stack of its drag, as a share of the largest
+thrust [-]."""
+TETHER_N, TETHER_END_N, TETHER_mps = 2.0, 0.4, 0.5
+"""Greatest drag of five meters of tether at that speed, and of the last of them, a fifth (`conditions/water.py`)."""
 FRICTION_SPEED = 0.02
 """Share of the highest speed below which dry friction is less than that of motion [-]."""
 NEAR_MODEL = 0.03
@@ -364,14 +365,17 @@ def _longer_tether(case: AxisFit) -> Array:
 def _tether_drag(case: AxisFit) -> float:
     """Deviation of the drag of a tether at the highest speed [N, N m]: evenly up to the greatest.
 
-    Most of the thrust of roll and pitch is held against the restoring moment, so it is no measure of what brakes: a
-    share of it was a tenth of the drag, and was taken off. They move the end of the tether alone, at the top of the
-    stern.
+    It goes with the square of the speed. A share of the thrust is no measure of it, because that also holds against
+    buoyancy and restoring moment: it was 8 % of heave's drag, where the tether has 4, and a tenth of that of roll and
+    pitch. What turns moves the end of the tether alone, at the top of the stern. In the record of another stack
+    neither vehicle nor tether is known, and the thrust is all there is.
     """
-    if not case.fit.model.restores or case.tuning.thrust_doubt is not None:
+    if case.tuning.thrust_doubt is not None:
         return max(TETHER, case.thrust_doubt) * case.pull
+    if case.axis < ROLL:
+        return TETHER_N * (case.speed / TETHER_mps) ** 2 / math.sqrt(3.0)
     length, _, height = case.vehicle.envelope_m
-    lever_m = 0.5 * (math.hypot(length, height) if case.axis == PITCH else height)
+    lever_m = 0.5 * {ROLL: height, PITCH: math.hypot(length, height), YAW: length}[case.axis]
     return lever_m * TETHER_END_N * (lever_m * case.speed / TETHER_mps) ** 2 / math.sqrt(3.0)
 
 
