@@ -23,6 +23,7 @@ from hindrax_analysis.identification.montecarlo import (
     tabulate,
 )
 from hindrax_cli.command_line import main
+from hindrax_cli.commands.explain.trials import print_montecarlo
 from hindrax_core import errors
 from hindrax_core.errors import HindraxError
 
@@ -140,3 +141,10 @@ def test_ctrl_c_after_hours_shows_the_runs_that_are_done(
     assert main(["montecarlo", "--runs", "5", "--dof", "surge", "--json"]) == errors.INTERRUPTED
     shown = capsys.readouterr().out
     assert (json.loads(shown)["runs"] if done else shown) == (done or "")
+
+
+def test_the_whole_table_says_whose_bound_that_of_the_live_estimate_is(capsys: pytest.CaptureFixture[str]) -> None:
+    print_montecarlo(summary([trial(1, 1.0), trial(2, -2.0)]), whole=True)
+    assert (
+        "the bound of rls is that of an estimate that does not know the delays of the thrust" in capsys.readouterr().out
+    )

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, TypeAlias, TypeVar
 
 from hindrax_analysis.identification.executor import add_workers, workers_of
-from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
+from hindrax_analysis.identification.montecarlo import LIVE, Trial, summary, trial_of
 from hindrax_analysis.identification.pool_session import MASS_GOAL
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, screen_rows
 from hindrax_bringup.clone import developer_module
@@ -192,6 +192,8 @@ def _print_in_full(document: Document) -> None:
     )
     low, high = document["ratio_by_chance"]
     print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
+    if LIVE in methods:
+        print_fitted(f"the bound of {LIVE} is that of an estimate that does not know the delays of the thrust")
     _print_drag(document["drag"], "shares of the tested speed")
     corrected = [_corrected(row) for row in document["drag"] if "rmse_corrected" in row]
     if corrected:
