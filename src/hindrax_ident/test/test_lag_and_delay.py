@@ -97,3 +97,14 @@ def test_shapes_that_no_delay_has_do_no_harm(first: float) -> None:
     assert np.all(np.isfinite(found.estimate[0]))
     assert np.all(np.isfinite(found.estimate[1]))
     assert np.all(np.abs(found.found_s) <= 1.0)
+
+
+@pytest.mark.parametrize("noise", [1e-9, 1e-14, 0.0])
+def test_a_record_without_noise_has_a_singular_covariance_and_is_told_all_the_same(noise: float) -> None:
+    """Six shapes that the record cannot tell apart: all that it says is along one direction."""
+    values, covariance = estimate_of(0.12, 0.04, 0.0)
+    sigmas = np.sqrt(np.diag(covariance))
+    singular = array(np.outer(sigmas, sigmas) * (np.ones((7, 7)) + noise * np.eye(7)))
+    found = found_of(values, singular)
+    assert np.all(np.isfinite(found.estimate[0]))
+    assert np.all(np.diag(found.estimate[1]) >= -1e-9 * sigmas**2)

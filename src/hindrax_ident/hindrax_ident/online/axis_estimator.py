@@ -161,10 +161,10 @@ class AxisEstimator:
         delay much longer than the filter's lag the shapes tell the sum with the lag better than its parts; the latency
         is then that which is left by the longer of both lags.
         """
-        values = np.array(self._rls.values)
-        if self._thruster is None or not values[len(self.model.names) - 1] > 0.0:
+        values, covariance = np.array(self._rls.values), self._covariance()
+        if self._thruster is None or not self._tells_delays(values, covariance):
             return None
-        found = conditioned(values, self._covariance(), self._delay_columns, self._thruster)
+        found = conditioned(values, covariance, self._delay_columns, self._thruster)
         spread_s2, (found_s, delay_s, _) = found.covariance_s2, found.found_s.tolist()
         lag_sigma_s, mean_sigma_s = math.sqrt(spread_s2[0, 0]), math.sqrt(max(0.0, spread_s2[:2, :2].sum()))
         before_s, lag_s = self.regression.lag_s, max(LEAST_LAG_S, found_s)
@@ -173,6 +173,10 @@ class AxisEstimator:
         lag_off = abs(lag_s - before_s) > max(OFF_S, CLEARLY * lag_sigma_s)
         off = lag_off or abs(late_s - self._late_s) > max(OFF_S, CLEARLY * mean_sigma_s)
         return (lag_s, late_s) if off and mean_sigma_s < MEAN_KNOWN_S and lag_s < MOST_LATE_S else None
+
+    def _tells_delays(self, values: Array, covariance: Array) -> bool:
+        """Whether there is a mass at all, and whether all of it is known in numbers."""
+        return bool(values[len(self.model.names) - 1] > 0.0 and np.all(np.isfinite(covariance)))
 
     @property
     def samples(self) -> int:
@@ -400,9 +404,9 @@ class AxisEstimator:
             self._blocks = [one + other for one, other in zip(self._blocks[::2], self._blocks[1::2], strict=True)]
             self._length *= 2
         self._widening = self._measured_widening()
-        values, columns = np.array(self._rls.values), self._delay_columns
-        if self._thruster and values[len(self.model.names) - 1] > 0.0:
-            self._thruster = settled(values, self._covariance(), columns, self._thruster, self.regression.lag_s)
+        values, covariance, columns = np.array(self._rls.values), self._covariance(), self._delay_columns
+        if self._thruster and self._tells_delays(values, covariance):
+            self._thruster = settled(values, covariance, columns, self._thruster, self.regression.lag_s)
 
     def _adapt_filter(self, sample: Sample) -> None:
         """Set the filter's pole so that residuals are white: drag slope over mass, plus a margin for disturbances.
@@ -430,7 +434,7 @@ class AxisEstimator:
         if self._thruster:
             values, covariance = self._with_usual_lags(values, covariance)
             left_out = self._left_out(values, covariance)
-            if values[p - 1] > 0.0:
+            if self._tells_delays(values, covariance):
                 values, covariance = conditioned(values, covariance, self._delay_columns, self._thruster).estimate
             values, covariance = self._not_before_its_cause(values, covariance + left_out)
         covariance = covariance + self._by_incidence(values)

@@ -34,6 +34,8 @@ LONGEST_S = 1.0
 """Longest of each: more is another defect."""
 PRIOR = np.diag([LONGEST_S**-2, LONGEST_S**-2, LAG_DIFFERENCE_S**-2])
 """Information about each before [1/s^2]."""
+ROUNDING = 1e-12
+"""Share of each variance that its digits do not tell: a record without noise has shapes that are all but one."""
 
 
 class Thruster(NamedTuple):
@@ -109,7 +111,7 @@ def conditioned(values: Array, covariance: Array, shapes: slice, about: Thruster
     along = covariance[:, shapes] - np.outer(of_mu, about.c)
     S = along[shapes] - np.outer(about.c, along[before])
     columns = np.concatenate([(values[shapes] - mu * about.c)[:, None], -mu * about.slopes, along.T], axis=1)
-    whitened = np.linalg.solve(np.linalg.cholesky(S), columns)
+    whitened = np.linalg.solve(_root(S), columns)
     r, jacobian, along = whitened[:, 0], whitened[:, 1 : 1 + FREE], whitened[:, 1 + FREE :]
     spread_s2 = np.linalg.inv(jacobian.T @ jacobian + PRIOR)
     found_s = about.delays_s - spread_s2 @ (jacobian.T @ r)
@@ -150,7 +152,7 @@ def settled(values: Array, covariance: Array, shapes: slice, about: Thruster, fi
         mixed = np.outer(one.c, across)
         S = covariance[shapes, shapes] - mixed - mixed.T + alone * np.outer(one.c, one.c)
         columns = np.concatenate([(values[shapes] - mu * one.c)[:, None], -mu * one.slopes], axis=1)
-        whitened = np.linalg.solve(np.linalg.cholesky(S), columns)
+        whitened = np.linalg.solve(_root(S), columns)
         return array(whitened[:, 0]), array(whitened[:, 1:])
 
     def nearest(one: Thruster) -> tuple[float, Thruster]:
@@ -175,6 +177,13 @@ def settled(values: Array, covariance: Array, shapes: slice, about: Thruster, fi
     first = _possible(np.array([filter_lag_s, -values[shapes.start] / mu, 0.0]))
     other_far, other = nearest(thruster(first, filter_lag_s, m))
     return other if other_far < far - SETTLED else found
+
+
+def _root(covariance: Array) -> Array:
+    """Lower root of a covariance (m, m), also of one that is singular."""
+    sigmas = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(sigmas, sigmas) + ROUNDING * np.eye(len(sigmas))
+    return array(sigmas[:, None] * np.linalg.cholesky(correlation))
 
 
 def _possible(delays_s: Array) -> Array:
