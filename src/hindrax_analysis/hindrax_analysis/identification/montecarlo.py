@@ -18,6 +18,7 @@ from hindrax_ident.fit.cramer_rao import bound_of
 from hindrax_ident.model.model_parameters import parameters_of, reported_parameters
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.online.session import Outcome
+from hindrax_ident.records.axis_record import Record
 
 LIVE = "rls"
 SHARES = (0.25, 0.5, 1.0)
@@ -131,14 +132,19 @@ def _found(
     face = reported_parameters(fit.model, motion)
     # A constant error of the measured angle cannot be separated from an offset of the moment.
     tilt = assessment.budget.prior_band("tilt of the accelerometer")
-    # While it flies nobody knows the delays of the thrust: the live estimate finds them.
-    theta, unknown = parameters_of(fit.model, truth), {LIVE: assessment.budget.case.record}
+    theta, record = parameters_of(fit.model, truth), assessment.budget.case.record
+
+    def limits(delayed: Record | None) -> dict[str, float]:
+        bound = bound_of(fit, theta, thrust_s, delayed=delayed) + tilt
+        return dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))
+
     methods = {METHOD: result.coefficients, **result.methods}
+    known = limits(None)
+    # While it flies nobody knows the delays of the thrust: the live estimate finds them.
+    not_known = limits(record) if LIVE in methods else known
     for method, numbers in methods.items():
-        bound = bound_of(fit, theta, thrust_s, delayed=unknown.get(method)) + tilt
-        limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))
         for name, number in numbers.items():
-            true, stds = truth[result.motion][name], (number.std, limits[name])
+            true, stds = truth[result.motion][name], (number.std, (not_known if method == LIVE else known)[name])
             error = number.value - true
             one = number.corrected
             off = None if one is None else CorrectedError(*(x - true for x in (one.value, *one.interval95)))

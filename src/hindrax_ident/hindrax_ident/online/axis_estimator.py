@@ -9,9 +9,9 @@ A velocity goes through these, in this order, and each says in its own module wh
     estimate                    q, g and their covariance                          Rls.update
 
 Symbols. theta (p,) the model's parameters, M the last of them; q = (theta / M, 1 / M), in which the row is linear; g
-the coefficients of the thrust's delay: m of its shapes, and one of thrust that goes later than it comes; n = p + m + 1,
-where the lag is known p, less one where the mass is fixed. Rows have the noise of one velocity, whose variance s^2 is
-estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
+the m coefficients of the shapes of the thrust's delay, the last GOES of thrust that goes by another lag than it comes;
+n = p + m, where the lag is known p, less one where the mass is fixed. Rows have the noise of one velocity, whose
+variance s^2 is estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
 
 What least squares does not know is told when the estimate is asked for (`estimate`): color of the residuals and what
 differs between parts of the run (`_measured_widening`), that the shapes are those of one lag and one delay
@@ -71,7 +71,7 @@ DELAYS_AFTER_S = 5.0
 LAST_LOOK_S = 25.0
 """Time of learning after which more is lost by a new beginning than by delays that are a little off."""
 OFF_S, CLEARLY = 0.03, 2.0
-"""Change of lag or latency that is worth to begin anew, and in standard deviations of the lag."""
+"""Change of lag or latency that is worth to begin anew, at least and in its standard deviations."""
 MEAN_KNOWN_S = 0.05
 """Standard deviation of lag and delay together below which they are known."""
 TOO_LATE_S = 0.003

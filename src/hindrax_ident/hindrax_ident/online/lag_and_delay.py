@@ -105,21 +105,14 @@ def conditioned(values: Array, covariance: Array, shapes: slice, about: Thruster
         expected, 1 / misfit of it elsewhere, which is the update by a pseudo-measurement whose own variance is what the
         misfit has beyond P.
     """
-    before, m = shapes.start - 1, len(about.c)
-    mu, of_mu = values[before], covariance[:, before]
-    # Covariance of x and r; the rows of r in it are S.
-    along = covariance[:, shapes] - np.outer(of_mu, about.c)
-    S = along[shapes] - np.outer(about.c, along[before])
-    columns = np.concatenate([(values[shapes] - mu * about.c)[:, None], -mu * about.slopes, along.T], axis=1)
-    whitened = np.linalg.solve(_root(S), columns)
-    r, jacobian, along = whitened[:, 0], whitened[:, 1 : 1 + FREE], whitened[:, 1 + FREE :]
+    r, jacobian, along = _whitened(values, covariance, shapes, about)
     spread_s2 = np.linalg.inv(jacobian.T @ jacobian + PRIOR)
     found_s = about.delays_s - spread_s2 @ (jacobian.T @ r)
     if np.any(found_s != _possible(found_s)):
         # The three move together: at the end of what is possible for one, the others would go without it.
         found_s = about.delays_s
     r = r + jacobian @ (found_s - about.delays_s)
-    misfit = float(r @ r) / (m - FREE)
+    misfit = float(r @ r) / (len(r) - FREE)
     moves, agrees = along.T @ jacobian, 1.0 / max(1.0, misfit)
     told = moves @ spread_s2 @ moves.T - along.T @ along
     estimate = array(values - agrees * (along.T @ r)), array(covariance + agrees * told)
@@ -144,19 +137,10 @@ def settled(values: Array, covariance: Array, shapes: slice, about: Thruster, fi
     Thruster
         The one given where it is near enough.
     """
-    before, m = shapes.start - 1, len(about.c)
-    mu, alone, across = values[before], covariance[before, before], covariance[shapes, before]
-
-    def distance(one: Thruster) -> tuple[Array, Array]:
-        """In standard deviations r (m,), and its derivatives (m, 3)."""
-        mixed = np.outer(one.c, across)
-        S = covariance[shapes, shapes] - mixed - mixed.T + alone * np.outer(one.c, one.c)
-        columns = np.concatenate([(values[shapes] - mu * one.c)[:, None], -mu * one.slopes], axis=1)
-        whitened = np.linalg.solve(_root(S), columns)
-        return array(whitened[:, 0]), array(whitened[:, 1:])
+    m = len(about.c)
 
     def nearest(one: Thruster) -> tuple[float, Thruster]:
-        r, jacobian = distance(one)
+        r, jacobian, _ = _whitened(values, covariance, shapes, one)
         for _ in range(STEPS):
             information = jacobian.T @ jacobian + PRIOR
             step_s = -np.linalg.solve(information, jacobian.T @ r)
@@ -164,19 +148,31 @@ def settled(values: Array, covariance: Array, shapes: slice, about: Thruster, fi
                 break
             for _ in range(HALVINGS):
                 tried = thruster(_possible(one.delays_s + step_s), filter_lag_s, m)
-                then = distance(tried)
+                then = _whitened(values, covariance, shapes, tried)
                 if then[0] @ then[0] < r @ r:
                     break
                 step_s *= 0.5
             else:
                 break
-            one, (r, jacobian) = tried, then
+            one, (r, jacobian, _) = tried, then
         return float(r @ r), one
 
     far, found = nearest(about)
-    first = _possible(np.array([filter_lag_s, -values[shapes.start] / mu, 0.0]))
+    first = _possible(np.array([filter_lag_s, -values[shapes.start] / values[shapes.start - 1], 0.0]))
     other_far, other = nearest(thruster(first, filter_lag_s, m))
     return other if other_far < far - SETTLED else found
+
+
+def _whitened(values: Array, covariance: Array, shapes: slice, one: Thruster) -> tuple[Array, Array, Array]:
+    """In standard deviations of r: r (m,), its derivatives by L, d and e (m, 3), its covariance with x (m, n)."""
+    before = shapes.start - 1
+    mu = values[before]
+    # Covariance of x and r; the rows of r in it are S.
+    along = covariance[:, shapes] - np.outer(covariance[:, before], one.c)
+    S = along[shapes] - np.outer(one.c, along[before])
+    columns = np.concatenate([(values[shapes] - mu * one.c)[:, None], -mu * one.slopes, along.T], axis=1)
+    whitened = np.linalg.solve(_root(S), columns)
+    return array(whitened[:, 0]), array(whitened[:, 1 : 1 + FREE]), array(whitened[:, 1 + FREE :])
 
 
 def _root(covariance: Array) -> Array:
