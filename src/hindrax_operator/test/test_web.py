@@ -35,7 +35,7 @@ from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import CameraFrame, Snapshot, place_of
 from hindrax_operator.web import http_server, page_controller
 from hindrax_operator.web import page as page_text
-from hindrax_operator.web.access import called_hosts, hosts_of
+from hindrax_operator.web.access import called_hosts, granted, hosts_of
 from hindrax_operator.web.page import PAGE, summary
 from hindrax_operator.web.reports import Reports
 
@@ -596,6 +596,28 @@ def test_blueos_learns_from_every_port_what_serves_there(page: Page, host: str |
     assert found["new_page"] is True, "X-Frame-Options forbids the frame that it is shown in otherwise"
     assert TOKEN not in text
     assert page.ask("POST", "/register_service", b"{}", {"Host": "127.0.0.1"})[0] == 404
+
+
+NAMED = granted("0.0.0.0", ["blueos.local", "blueos-wifi.local"], TOKEN)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:32768", "192.168.1.57", "[fe80::2]:80", "blueos-wifi.local"])
+def test_in_a_container_it_is_called_by_any_address_and_by_the_names(tmp_path: Path, host: str) -> None:
+    """BlueOS' helper asks 127.0.0.1 for `/`, and for `/register_service` only where that was answered with 200."""
+    with served(tmp_path, access=NAMED) as page:
+        status, _, text = page.ask("GET", "/", headers={"Host": host, "Authorization": None})
+        assert (status, text) == (200, PAGE)
+        assert page.ask("POST", "/stop", b"{}", {"Host": host, "Origin": f"http://{host}"})[0] == 202
+        assert page.ask("POST", "/stop", b"{}", {"Host": host, "Origin": "http://evil.example"})[0] == 403
+        assert page.ask("GET", "/events", headers={"Host": host, "Authorization": None})[0] == 401
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "127.1", "2130706433", "0x7f.1", None])
+def test_in_a_container_it_is_called_by_no_other_name(tmp_path: Path, host: str | None) -> None:
+    with served(tmp_path, access=NAMED) as page:
+        status, _, text = page.ask("GET", "/", headers={"Host": host})
+        assert status == 421
+        assert "wanted blueos-wifi.local or blueos.local or an address in numbers" in text
 
 
 def test_every_path_of_the_page_is_relative() -> None:

@@ -158,13 +158,15 @@ class Page:
 
 
 @contextlib.contextmanager
-def served(runs: Path, shown: Snapshot = ARMED, *, read_only: bool = False) -> Iterator[Page]:
+def served(
+    runs: Path, shown: Snapshot = ARMED, *, read_only: bool = False, access: Access | None = None
+) -> Iterator[Page]:
     """Serve the page of a pretended vehicle at a free port."""
     vehicle = FakeVehicle(shown)
     said: list[str] = []
     of = load_vehicle(default_vehicle())
     controller = PageController(cast("GraphLink", vehicle), of, Reports(runs), read_only=read_only, log=said.append)
-    server = Server(ADDRESS, 0, Access(hosts_of(ADDRESS), TOKEN), controller)
+    server = Server(ADDRESS, 0, access or Access(hosts_of(ADDRESS), TOKEN), controller)
     server.start()
     try:
         yield Page(server, vehicle, said)

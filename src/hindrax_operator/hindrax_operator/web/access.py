@@ -23,16 +23,18 @@ class RefusedRequest(Exception):  # noqa: N818  # an answer to a browser, not a 
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Requirements of a request: one of these host names, and the token."""
+    """Requirements of a request: one of these host names, or any address in numbers where `numeric`; and the token."""
 
     hosts: frozenset[str]
     token: str
+    numeric: bool = False
 
     def check_place(self, hosts: Sequence[str], origins: Sequence[str]) -> None:
         """Raise RefusedRequest for a strange Origin, or Host (a foreign name that resolves to us: DNS rebinding)."""
-        if len(hosts) != 1 or hostname(hosts[0]) not in self.hosts:
+        name = hostname(hosts[0]) if len(hosts) == 1 else ""
+        if name not in self.hosts and not (self.numeric and is_numeric(name)):
             found = ", ".join(hosts) or "none"
-            wanted = " or ".join(sorted(self.hosts))
+            wanted = " or ".join([*sorted(self.hosts), *(["an address in numbers"] if self.numeric else [])])
             raise RefusedRequest(HTTPStatus.MISDIRECTED_REQUEST, f"Host: found {found}, wanted {wanted}")
         if origins and list(origins) != [f"http://{hosts[0]}"]:
             raise RefusedRequest(HTTPStatus.FORBIDDEN, "Origin: found another page, wanted the one that is served here")
@@ -62,6 +64,15 @@ def hosts_of(address: str) -> frozenset[str]:
     if found.is_unspecified:
         raise UsageError(f"--address: {address} means every interface, wanted the address of one, such as the tether's")
     return frozenset({str(found)} | ({"localhost"} if found.is_loopback else set()))
+
+
+def is_numeric(host: str) -> bool:
+    """Whether a host is an address, which no foreign name server can have given to a browser."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
 
 
 def is_loopback(host: str) -> bool:
@@ -96,6 +107,27 @@ def called_hosts(address: str, names: Sequence[str]) -> frozenset[str]:
         if not hostname(name) or hostname(name) != name.lower():
             raise UsageError(f"--host: found {name!r}, wanted a name or address without a port, such as blueos.local")
     return frozenset(map(hostname, names)) or hosts_of(address)
+
+
+def granted(address: str, names: Sequence[str], token: str) -> Access:
+    """Return what a server asks of a request.
+
+    With names it listens in a container, and who asks names the address of its host: a browser whichever it has found,
+    BlueOS 127.0.0.1.
+
+    Parameters
+    ----------
+    address, names
+        As of `called_hosts`.
+    token
+        Which every order must have.
+
+    Returns
+    -------
+    Access
+        With names, any address in numbers will do as well.
+    """
+    return Access(called_hosts(address, names), token, numeric=bool(names))
 
 
 def security_headers(script_hash: str) -> Mapping[str, str]:

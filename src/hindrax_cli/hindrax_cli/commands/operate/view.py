@@ -20,7 +20,7 @@ from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whol
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_operator.connection import add_stack, chosen_stack, find_stack, ordered_stack
-from hindrax_operator.web.access import Access, called_hosts, is_loopback
+from hindrax_operator.web.access import granted, is_loopback
 
 if TYPE_CHECKING:
     from hindrax_operator.monitor.graph_link import GraphLink
@@ -61,8 +61,8 @@ def monitor(arguments: argparse.Namespace) -> int:
         action="append",
         default=[],
         metavar="NAME",
-        help="only name by which browsers may call it (may be repeated); with it --address may be 0.0.0.0, as in a "
-        "container",
+        help="only name by which browsers may call it, beside addresses in numbers (may be repeated); with it "
+        "--address may be 0.0.0.0, as in a container",
     ),
     option("--port", type=within(int, 0, 65535), default=PORT, help=f"default {PORT}; 0: any free one"),
     option("--read-only", action="store_true", help="no commands from the page, for spectators"),
@@ -80,9 +80,8 @@ def web(arguments: argparse.Namespace) -> int:
     """Live view in a browser: plots, the pool from above, maneuvers, finished reports."""
     read_only = arguments.read_only
     shown = arguments.host[0] if arguments.host else arguments.address
-    access = Access(
-        called_hosts(arguments.address, arguments.host), kept_token(read_only=read_only, new=arguments.new_token)
-    )
+    token = kept_token(read_only=read_only, new=arguments.new_token)
+    access = granted(arguments.address, arguments.host, token)
     from hindrax_control.maneuver.goal import flyable_motions  # noqa: PLC0415  # help must not wait for numpy
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
     from hindrax_operator.web.http_server import Server  # noqa: PLC0415  # as above
