@@ -587,6 +587,37 @@ def test_a_sensor_with_another_clock_than_the_inertial_one_is_named(at_s: float,
     assert navigator.refusals.counts == {"ms5837": 1}
 
 
+@pytest.mark.parametrize("ahead_s", [-8.0, -1.5, 1.5, 8.0])
+def test_a_velocity_of_a_clock_that_is_seconds_off_is_refused_by_name(ahead_s: float) -> None:
+    """Late, it can be compared with nothing; early, it would be compared with a motion of seconds later."""
+    navigator, found = Navigator(CENTERED), None
+    for number, sample in enumerate(level_samples(1000.0, 12.0)):
+        found = navigator.step(sample, "icm20948") or found
+        if number % 10 == 0:
+            velocity = BottomVelocity((0.4, 0.0, 0.0), 0.01, 0.1, 0.0, number)
+            navigator.step(Stamped(stamp_from_s(1000.0 + 0.01 * number + ahead_s), velocity), "dvl75")
+    assert found is not None
+    side = "before" if ahead_s < 0.0 else "after"
+    assert f"s {side} the inertial sensor's, wanted within 1 s; another clock" in navigator.refusals.last
+    assert "synchronize" in navigator.refusals.last
+    assert not found.reading.dvl_locked
+    assert math.isnan(found.reading.velocity_mps[0]) or ahead_s > 0.0
+
+
+def test_messages_that_are_fetched_before_the_inertial_samples_with_them_are_of_no_other_clock() -> None:
+    """A busy process, or a fast mock, fetches seconds at once, topic by topic, the inertial samples last."""
+    navigator = Navigator(CENTERED)
+    samples = list(level_samples(1000.0, 30.0))
+    for begin in range(0, len(samples), 500):
+        for sample in samples[begin : begin + 500 : 10]:
+            still = BottomVelocity((1e-4, 0.0, 0.0), 0.01, 0.1, 0.0, begin + 1)
+            navigator.step(Stamped(sample.stamp, still), "dvl75")
+            navigator.step(Stamped(sample.stamp, Pressure(110_000.0, 20.0)), "ms5837")
+        for sample in samples[begin : begin + 500]:
+            navigator.step(sample, "icm20948")
+    assert navigator.refusals.counts == {}
+
+
 def test_a_clock_that_is_set_back_costs_an_alignment_and_one_odd_stamp_nothing() -> None:
     navigator = Navigator(CENTERED)
     for sample in level_samples(5000.0, 3.0):

@@ -30,7 +30,7 @@ from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, M
 from hindrax_core.rotation import cross
 from hindrax_core.sensor_table import row_of
 from hindrax_core.signals import NAN, ZERO6, Consistency, Navigation
-from hindrax_core.text.refusals import Reason, Refusal, refused
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal, refused
 from hindrax_core.vehicle import Vehicle
 
 LEAST_UPRIGHT = 0.3
@@ -38,6 +38,8 @@ LEAST_UPRIGHT = 0.3
 MOST_WAITING = 200
 OTHER_CLOCK_S = 10.0
 """Later than any measurement comes: stamps of two sensors this far apart are of two clocks."""
+AHEAD_S, AHEAD_TIMES = 1.0, 20
+"""No inertial sample comes so late that another sensor leads it by this time and again."""
 STEPPED_BACK = 100
 """Samples in a row whose stamps do not go on from the last: no disorder, the clock was set back."""
 GRAVITY_BOUNDS_mps2 = (8.0, 12.0)
@@ -122,6 +124,8 @@ class Navigator:
         self._walls = {name: WallSonar(self._mounts[name], by_wall, half_beam_rad) for name in self._looking}
         self._waiting: deque[tuple[Stamp, Reading, str]] = deque(maxlen=MOST_WAITING)
         self._received: dict[str, Stamp] = {}
+        self._ahead: dict[str, tuple[Stamp, int]] = {}
+        """Inertial sample after which each sensor was heard last, and how often in a row it was ahead of one."""
         self._locked = self._depth = self._altitude = EARLIEST
         self._echo = stamp if self._has_sonar else EARLIEST
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
@@ -172,15 +176,28 @@ class Navigator:
             return self._inertial(stamped.stamp, reading, source)
         if not isinstance(reading, AIDS):
             return None
-        lead_s = (stamped.stamp - self._imu) / NS_PER_S
-        if abs(lead_s) > OTHER_CLOCK_S and self._imu != EARLIEST:
+        if self._imu != EARLIEST and (why := self._of_another_clock(stamped, source)):
             self.refused += 1
-            cause = "another clock, or no inertial samples" if lead_s > 0.0 else "another clock"
-            found = f"found a stamp {abs(lead_s):.3g} s {'after' if lead_s > 0.0 else 'before'} the inertial sensor's"
-            self.refusals.add(source, Refusal(Reason.CLOCK, f"{found}, wanted within {OTHER_CLOCK_S:g} s; {cause}"))
+            self.refusals.add(source, why)
         elif self._aligned or not isinstance(reading, BottomVelocity):
             self._waiting.append((stamped.stamp, reading, source))
         return None
+
+    def _of_another_clock(self, stamped: Stamped[Reading], source: str) -> Refusal:
+        """Return why a stamp does not fit those of the inertial samples (`CLOCK`), or nothing."""
+        lead_s = (stamped.stamp - self._imu) / NS_PER_S
+        heard, times = self._ahead.get(source, (EARLIEST, 0))
+        if heard != self._imu:  # what was fetched together waited for the inertial samples that come with it
+            times = times + 1 if lead_s > AHEAD_S else 0
+            self._ahead[source] = self._imu, times
+        latest_s = AHEAD_S if times >= AHEAD_TIMES else OTHER_CLOCK_S
+        oldest_s = self._knobs.memory_s if isinstance(stamped.reading, BottomVelocity) else OTHER_CLOCK_S
+        if -oldest_s <= lead_s <= latest_s:
+            return NOTHING
+        side, wanted_s = ("after", latest_s) if lead_s > 0.0 else ("before", oldest_s)
+        cause = "another clock, or no inertial samples" if lead_s > 0.0 else "another clock, or it came late"
+        found = f"found a stamp {abs(lead_s):.3g} s {side} the inertial sensor's, wanted within {wanted_s:g} s"
+        return Refusal(Reason.CLOCK, f"{found}; {cause}: synchronize the clock of the sensor with the computer's")
 
     def _may_repeat(self, stamp: Stamp) -> bool:
         """Whether a sensor of coarse steps, in whatever axes, can have repeated its sample since it last differed.
