@@ -483,6 +483,31 @@ def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path: Path) 
     assert found.wrench[:, 1] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("since_s", [-4.0, 1.0, 4.0], ids=["before the flight", "in it", "twice"])
+def test_pulses_whose_stamps_begin_again_are_those_of_the_same_times(tmp_path: Path, since_s: float) -> None:
+    """SERVO_OUTPUT_RAW counts microseconds in 32 bits: after 71.6 minutes MAVROS stamps the outputs anew."""
+    vehicle, wrap_s = load_vehicle(default_vehicle()), 2**32 * 1e-6
+    velocities, (t_w, _) = flown(end_s=10.0)
+
+    def read(stamped: Array, name: str) -> Any:
+        rows = [
+            (t, {"header": header_of(at, ""), "channels": [1700 + 10 * int(t)] * 8})
+            for t, at in zip(t_w.tolist(), (START_S + stamped).tolist(), strict=True)
+        ]
+        bag = bag_of(
+            tmp_path / name, [reported(velocity_message, ODOMETRY, velocities), (RC_OUT, "/mavros/rc/out", rows)]
+        )
+        (found,) = read_bag(bag, TopicSelection(wrench="/mavros/rc/out"), topics_of(bag), vehicle)
+        return found
+
+    times = np.where(t_w > since_s, 2.0 if since_s == 4.0 else 1.0, 0.0)
+    found, wanted = read(array(t_w - wrap_s * times), "wrapped.mcap"), read(array(t_w), "as.mcap")
+    assert found.wrench_t == pytest.approx(wanted.wrench_t, abs=1e-6)
+    assert np.array_equal(found.wrench, wanted.wrench)
+    assert any("/mavros/rc/out began again after 71.6 minutes" in one for one in found.assumptions)
+    assert not any("began again" in one for one in wanted.assumptions)
+
+
 @pytest.mark.parametrize(
     ("channels", "words", "wanted"),
     [

@@ -499,6 +499,19 @@ def hear_pulses(thrust: ThrustNode, header: Header, channels: Any) -> None:
     thrust._on_pulses(message)
 
 
+def test_the_stamps_of_an_autopilot_s_outputs_may_begin_again(
+    desk: tuple[Identifier, ThrustNode], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They do after 71.6 minutes. A stamp of another clock stays as it is, for the identifier to refuse."""
+    _, thrust = desk
+    sent: list[Any] = []
+    monkeypatch.setattr(thrust, "_out", SimpleNamespace(publish=sent.append))
+    now, wrap_ns = thrust.now(), 2**32 * 1000
+    for ago in (0, wrap_ns, 3 * wrap_ns, 10**11, now - 10**9):
+        hear_pulses(thrust, Header(stamp=stamp_to_msg(now - ago)), [1500] * 8)
+    assert [now - stamp_from_msg(one.header.stamp) for one in sent] == [0, 0, 0, 10**11, now - 10**9]
+
+
 def test_pulses_that_are_none_are_refused_and_become_no_wrench(
     desk: tuple[Identifier, ThrustNode], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -32,7 +32,7 @@ from hindrax_analysis.records.recording import HALF_TURN, NO_FORCES, NO_TIMES, N
 from hindrax_analysis.records.thruster_values import PULSES, UNITS, ThrusterValues, forces_of_thrusters
 from hindrax_bag.read.bag_reader import DamagedMessageError, messages
 from hindrax_bag.read.mcap_records import Damage
-from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, WRAPS
 from hindrax_core.errors import UsageError
 from hindrax_core.hydrostatics import Water
 from hindrax_core.topics import ALLOCATION, MANEUVER, resolved
@@ -433,10 +433,23 @@ def _signs_to_sname(track: Track, axes: _FrameChoice) -> Array:
     return array(HALF_TURN.copy())
 
 
+def _unwrapped(velocity: Track, wrench: Track, notes: list[str]) -> Index:
+    """Stamps of a wrench [ns] (m,), those that began again put right: by receipt both topics are equally late."""
+    stamps, wrap = np.array(wrench.stamped), WRAPS.get(wrench.kind, 0)
+    if not wrap:
+        return stamps
+    late = np.array(wrench.received) - stamps - np.median(np.array(velocity.received) - np.array(velocity.stamped))
+    times = np.round(late / wrap).astype(int)
+    if times.any():
+        notes.append(f"the stamps of {wrench.topic} began again after {wrap / 60e9:.1f} minutes: put right")
+    return stamps + wrap * times
+
+
 def _times(velocity: Track, wrench: Track, notes: list[str]) -> tuple[Array, Array]:
     """Times of both topics, (n,) and (m,) [ns], on one clock: stamps where both have them, else receipt."""
     stamps = np.array(velocity.stamped), np.array(wrench.stamped)
     if all(len(one) and one.min() > 0 for one in stamps):
+        stamps = stamps[0], _unwrapped(velocity, wrench, notes)
         (a, b), (c, d) = ((one.min(), one.max()) for one in stamps)
         if a < d and c < b:
             return stamps

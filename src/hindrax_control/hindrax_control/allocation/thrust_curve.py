@@ -24,6 +24,9 @@ PULSE_FIELDS |= {
     f"std_msgs/msg/{kind}MultiArray": "data" for kind in ("UInt16", "Int16", "Int32", "Float32", "Float64")
 }
 """Types of messages that may hold the pulse [us] of each output channel, and their field."""
+WRAPS = {"mavros_msgs/msg/RCOut": 2**32 * 1000}
+"""Time [ns] after which their stamps begin again: an autopilot counts that of its outputs in microseconds of 32 bits
+(common.xml: SERVO_OUTPUT_RAW.time_usec), and MAVROS adds a constant (rc_io.cpp)."""
 
 
 class ThrustCurve:

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, AppliedWrench, pulses_of_channels
-from hindrax_core.events import Stamp
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, WRAPS, AppliedWrench, pulses_of_channels
+from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.text.refusals import Reason, refused, unreadable
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import load_vehicle
@@ -16,6 +16,8 @@ from hindrax_ros.parameters import frame_prefix, text
 from hindrax_ros.process import spin
 
 LOOK_S = 0.5
+WRAPPED_S = 5.0
+"""Age and lead of a stamp that is right but for where it began again [s]."""
 PULSES = Topic("pulses", "", Quality(reliable=False, depth=50), 0, "pulse of every output channel [us]")
 ACHIEVED = Topic("wrench", "geometry_msgs/msg/WrenchStamped", Quality(), 0, "wrench that the pulses achieve")
 
@@ -55,7 +57,15 @@ class ThrustNode(BatchedNode):
             self._reporter.refusals.add(PULSES.name, unreadable(error))
             return
         wrench = self._applied.wrench(self._applied.forces_N(pulses_us))
-        self._out.publish(wrench_to_msg(stamp or self.now(), wrench, self._prefix))
+        self._out.publish(wrench_to_msg(self._in_time(stamp), wrench, self._prefix))
+
+    def _in_time(self, stamp: Stamp) -> Stamp:
+        """Put a stamp right that began again; another that is not of this clock stays, for who reads it to refuse."""
+        now, wrap = self.now(), WRAPS.get(self._type, 0)
+        if not (stamp and wrap):
+            return stamp or now
+        whole = Stamp(stamp + wrap * round((now - stamp) / wrap))
+        return whole if abs(now - whole) < WRAPPED_S * NS_PER_S else stamp
 
 
 def main() -> int:
