@@ -433,23 +433,24 @@ def _signs_to_sname(track: Track, axes: _FrameChoice) -> Array:
     return array(HALF_TURN.copy())
 
 
-def _unwrapped(velocity: Track, wrench: Track, notes: list[str]) -> Index:
-    """Stamps of a wrench [ns] (m,), those that began again put right: by receipt both topics are equally late."""
-    stamps, wrap = np.array(wrench.stamped), WRAPS.get(wrench.kind, 0)
+def _unwrapped(velocity: Track, wrench: Track, notes: list[str]) -> list[int]:
+    """Stamps of a wrench [ns], those that began again put right: by receipt both topics are equally late."""
+    wrap = WRAPS.get(wrench.kind, 0)
     if not wrap:
-        return stamps
-    late = np.array(wrench.received) - stamps - np.median(np.array(velocity.received) - np.array(velocity.stamped))
-    times = np.round(late / wrap).astype(int)
-    if times.any():
+        return wrench.stamped
+    usual = float(np.median(np.array(velocity.received) - np.array(velocity.stamped)))
+    late = [at - stamp - usual for at, stamp in zip(wrench.received, wrench.stamped, strict=True)]
+    times = [round(one / wrap) for one in late]
+    if any(times):
         notes.append(f"the stamps of {wrench.topic} began again after {wrap / 60e9:.1f} minutes: put right")
-    return stamps + wrap * times
+    return [stamp + wrap * one for stamp, one in zip(wrench.stamped, times, strict=True)]
 
 
 def _times(velocity: Track, wrench: Track, notes: list[str]) -> tuple[Array, Array]:
     """Times of both topics, (n,) and (m,) [ns], on one clock: stamps where both have them, else receipt."""
     stamps = np.array(velocity.stamped), np.array(wrench.stamped)
     if all(len(one) and one.min() > 0 for one in stamps):
-        stamps = stamps[0], _unwrapped(velocity, wrench, notes)
+        stamps = stamps[0], np.array(_unwrapped(velocity, wrench, notes))
         (a, b), (c, d) = ((one.min(), one.max()) for one in stamps)
         if a < d and c < b:
             return stamps
