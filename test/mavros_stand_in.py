@@ -47,10 +47,8 @@ def main(seconds: float, rate: float, folder: str = "") -> None:
     """Fly as soon as both topics have a reader."""
     rclpy.init(args=[])
     node, noise, heading_rad = rclpy.create_node("mavros"), np.random.default_rng(2), 0.0
-    outs = [
-        node.create_publisher(kind, name, qos_profile_sensor_data)
-        for name, kind in zip(TOPICS, (RCOut, Odometry), strict=True)
-    ]
+    sources = zip(TOPICS, (RCOut, Odometry), (10, qos_profile_sensor_data), strict=True)
+    outs = [node.create_publisher(kind, name, quality) for name, kind, quality in sources]
     while not all(out.get_subscription_count() for out in outs):
         time.sleep(0.1)
     with ExitStack() as closing:

@@ -82,6 +82,8 @@ float32[4] beam_velocity_covar
 """
 """Fields of marine_acoustic_msgs/Dvl."""
 SECONDS, REST_s, SETTLED_s = 16.0, 3.0, 7.0
+A50_LATE_S = 0.12
+"""Time from the middle of a measurement to its report."""
 LOST_s = (10.0, 11.0)
 """While the DVL has no bottom lock."""
 BATCH_S = 0.2
@@ -208,18 +210,26 @@ def velocity_report(t: float, mount: Mount) -> Any:
 
 
 class WaterLinkedOdometry:
-    """The same driver's odometry: x forward, y starboard, z down; each dead reckoning sends the last twist again."""
+    """The same driver's odometry: x forward, y starboard, z down; each dead reckoning sends the last twist again.
+
+    A velocity is stamped with its time of validity, a dead reckoning with that of its report: the stamps step back.
+    """
 
     def __init__(self) -> None:
-        self._made, self._count = Odometry(), 0
+        self._made = Odometry()
 
-    def __call__(self, t: float, mount: Mount) -> Odometry:
-        self._count += 1
-        if self._count % 3:
-            set_xyz(self._made.twist.twist.linear, (0.0, 0.0, 0.0) if lost(t) else speed(t, mount))
-            self._made.twist.covariance[:15:7] = [0.0 if lost(t) else 2.5e-5] * 3
-        self._made.pose.covariance[21:36:7] = [-1.0] * 3
-        message: Odometry = stamped(self._made, t, "dvl_link")
+    def __call__(self, t: float, mount: Mount) -> Odometry | None:
+        turn = round(t * 40)
+        if turn % 5 == 0:
+            at = max(0.0, t - A50_LATE_S)
+            set_xyz(self._made.twist.twist.linear, (0.0, 0.0, 0.0) if lost(at) else speed(at, mount))
+            self._made.twist.covariance[:15:7] = [0.0 if lost(at) else 2.5e-5] * 3
+        elif turn % 8 == 0:
+            at = t
+            self._made.pose.covariance[21:36:7] = [-1.0] * 3
+        else:
+            return None
+        message: Odometry = stamped(self._made, at, "dvl_link")
         return message
 
 
@@ -261,6 +271,18 @@ def odometry(t: float, mount: Mount, frame: str, child: str, zero_m: float = 0.0
     q.x, q.y, q.z, q.w = xyzw_from_sname(*TRUTH.attitude(t))
     set_xyz(made.twist.twist.linear, half_turn(speed(t, mount)))
     set_xyz(made.twist.twist.angular, half_turn(TRUTH.rates(t)))
+    return made
+
+
+def of_ardusub(t: float, mount: Mount) -> Odometry:
+    """global_position.cpp of MAVROS, of an ArduSub that knows no place: the height in millimeters, velocities of zero.
+
+    Its place is counted from the middle of the earth, and its covariances are those of a GPS without a fix.
+    """
+    made: Odometry = stamped(Odometry(child_frame_id="base_link"), t, "map")
+    set_xyz(made.pose.pose.position, (6378137.0, 0.0, -round(depth_at(t, mount), 3)))
+    made.pose.covariance[:15:7], made.pose.covariance[21::7] = [9998.0] * 3, [99999.0] * 3
+    made.twist.covariance[0] = -1.0
     return made
 
 
@@ -333,7 +355,7 @@ DRIVERS: dict[str, Driver] = {
     "/waterlinked_dvl_driver/velocity_report": Driver(
         lambda: message_class(f"{MARINE}/msg/Dvl"), RELIABLE, 8.0, velocity_report
     ),
-    "/waterlinked_dvl_driver/odom": Driver(lambda: Odometry, RELIABLE, 12.0, WaterLinkedOdometry()),
+    "/waterlinked_dvl_driver/odom": Driver(lambda: Odometry, RELIABLE, 40.0, WaterLinkedOdometry()),
     "/nucleus/velocity": Driver(lambda: TwistWithCovarianceStamped, 10, 8.0, twist),
     "/zed/zed_node/odom": Driver(lambda: Odometry, 10, 15.0, on_zed),
     "/zed/zed_node/imu/data": Driver(
@@ -344,7 +366,8 @@ DRIVERS: dict[str, Driver] = {
     "/imu/data": Driver(lambda: Imu, 5, 200.0, of_xsens),
     "/imu/mag": Driver(lambda: MagneticField, 5, 25.0, lambda t, _: field(t, half_turn, 2.0)),
     "/mavros/imu/data_raw": Driver(lambda: Imu, BEST_EFFORT, 50.0, of_mavros),
-    "/mavros/imu/mag": Driver(lambda: MagneticField, BEST_EFFORT, 50.0, lambda t, _: field(t, half_turn, 1e-4)),
+    "/mavros/imu/mag": Driver(lambda: MagneticField, BEST_EFFORT, 50.0, lambda t, _: field(t, half_turn, 1e6)),
+    "/mavros/global_position/local": Driver(lambda: Odometry, BEST_EFFORT, 10.0, of_ardusub),
     "/mavros/local_position/odom": Driver(
         lambda: Odometry, BEST_EFFORT, 20.0, lambda t, mount: odometry(t, mount, "map", "base_link")
     ),
@@ -357,7 +380,7 @@ DRIVERS: dict[str, Driver] = {
     ),
     "/odometry/filtered": Driver(lambda: Odometry, 10, 30.0, filtered),
 }
-"""By topic. Fields in gauss, in shares of the earth's field, and in tesla."""
+"""By topic. Fields in gauss, in shares of the earth's field, and of MAVROS a thousand times its milligauss."""
 TURNED = {
     "/vectornav/imu": Driver(lambda: Imu, 10, 200.0, lambda t, at: imu(t, at, enu_of_vectornav, "vectornav", 0.0))
 }
@@ -439,6 +462,8 @@ class Graph:
                 while (t := self._sent[index] / made.rate_Hz) < end:
                     message = made.message(t, mount)
                     self._sent[index] += 1
+                    if message is None:
+                        continue
                     stamp = message.header.stamp
                     message.header.stamp = stamp_to_msg(
                         round(self._begin_s * NS_PER_S) + stamp.sec * NS_PER_S + stamp.nanosec

@@ -85,6 +85,7 @@ def test_without_bottom_lock_there_is_no_velocity(
     velocity: tuple[float, float, float], beams: int, valid: bool
 ) -> None:
     assert dvl(velocity, UNKNOWN, beams=beams, valid=valid).velocity_mps is None
+    assert dvl((0.3, 0.1, -0.2), (9999.0, *(0.0,) * 8)).velocity_mps is None
 
 
 def test_a_velocity_through_the_water_is_refused() -> None:

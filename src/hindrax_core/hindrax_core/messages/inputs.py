@@ -54,18 +54,18 @@ def _dvl(_water: Water, knobs: "InputKnobs") -> Contents[Reading]:
 
 
 def _twist(_water: Water, knobs: "InputKnobs") -> Contents[Reading]:
-    """REP-103: x forward, y left, z up. What is not finite, or of a variance that is no knowledge, is no velocity."""
+    """REP-103: x forward, y left, z up. What is not finite is no velocity."""
 
     def made(x: float, y: float, z: float, variance: float, *_: float) -> BottomVelocity:
-        known = all(map(math.isfinite, (x, y, z))) and not variance >= LARGEST_VARIANCE
+        known = all(map(math.isfinite, (x, y, z)))
         return _bottom((x, -y, -z) if known else None, variance, knobs.velocity_sigma_mps)
 
     return Contents((*parts("twist.twist.linear"), "twist.covariance"), made)
 
 
 def _bottom(velocity_mps: tuple[float, float, float] | None, variance: float, sigma_mps: float) -> BottomVelocity:
-    """Velocity, if it is one: without bottom lock some drivers send on, with zeros for it and for its covariance."""
-    if velocity_mps is not None and not any(velocity_mps) and not variance > 0.0:
+    """Velocity, if it is one: without bottom lock some drivers send on, of a variance that is no knowledge or zeros."""
+    if variance >= LARGEST_VARIANCE or (velocity_mps is not None and not any(velocity_mps) and not variance > 0.0):
         velocity_mps = None
     return BottomVelocity(velocity_mps, _sigma(variance, sigma_mps), 1.0, 0.0, 0)
 
