@@ -87,3 +87,15 @@ def test_a_named_unit_is_believed() -> None:
     assert found.velocity[:, 5] == pytest.approx(RATE, abs=1e-5)
     found = read("r", RATE)
     assert found.velocity[:, 5] == pytest.approx(RATE, abs=1e-5)
+
+
+def test_a_rate_alone_is_in_degrees_where_it_would_be_a_whirl() -> None:
+    found = read("r", RATE * 4.0 * DEG)
+    assert found.velocity[:, 5] == pytest.approx(RATE * 4.0, abs=1e-4)
+    assert "rates (r) are in deg/s, by their size" in found.assumptions
+
+
+def test_a_spike_of_a_rate_is_no_unit() -> None:
+    rate = RATE * 4.0
+    rate[70] = 60.0
+    assert not any("deg" in one for one in read("r", rate).assumptions)

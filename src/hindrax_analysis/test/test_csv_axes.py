@@ -274,3 +274,9 @@ def test_a_rate_in_the_file_stays_and_none_is_made_without_its_moment() -> None:
     rates = array(0.1 * np.cos(T / 3.0))
     assert read({"yaw": PSI, "r": rates, "N": PUSH}).velocity[:, 5] == pytest.approx(rates, abs=1e-6)
     assert np.isnan(read({"yaw": PSI, "u": SINKS, "X": PUSH}).velocity[:, 5]).all()
+
+
+def test_velocities_of_the_world_without_a_heading_are_not_dropped_in_silence() -> None:
+    found = read({"vn": SINKS, "ve": SINKS, "r": SINKS, "X": PUSH, "Y": PUSH, "N": PUSH})
+    assert any("a column yaw" in one for one in found.assumptions)
+    assert not any("a column yaw" in one for one in read({"vn": SINKS, "ve": SINKS, "u": SINKS, "X": PUSH}).assumptions)

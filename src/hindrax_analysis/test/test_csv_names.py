@@ -134,3 +134,69 @@ def test_seconds_and_nanoseconds_are_one_time() -> None:
 )
 def test_times_are_read_as_spreadsheets_and_matlab_write_them(text: str, seconds: float) -> None:
     assert time_of(text) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "factor"),
+    [
+        ("t/s", "t", 1.0),
+        ("u/(mm/s)", "u", 1e-3),
+        ("X/kN", "X", 1e3),
+        ("r, deg/s", "r", math.pi / 180.0),
+        ("N/(N m)", "N", 1.0),
+        ("u [cm/sec]", "u", 0.01),
+        ("v (metres per second)", "v", 1.0),
+        ("w (m·s⁻¹)", "w", 1.0),
+        ("r (degrees/second)", "r", math.pi / 180.0),
+        ("X (Newtons)", "X", 1.0),
+        ("N (Newton meter)", "N", 1.0),
+        ("Time (milliseconds)", "t", 1e-3),
+    ],
+)
+def test_units_are_known_behind_a_mark_and_spelled(header: str, name: str, factor: float) -> None:
+    found = meaning_of(header)
+    assert found is not None
+    assert found.has_unit
+    assert found.name == name
+    assert found.factor == pytest.approx(factor)
+
+
+@pytest.mark.parametrize("header", ["/odom/u/s", "speed/m", "heave/w"])
+def test_a_path_is_no_name_with_a_unit(header: str) -> None:
+    found = meaning_of(header)
+    assert found is None or not found.has_unit
+
+
+def test_the_time_in_another_language_is_the_column_with_a_unit_of_time() -> None:
+    found = read("Zeit [ms];u [m/s];X [N]", "0;0,1;1", "1000;0,2;2")
+    assert found.velocity_t.tolist() == [0.0, 1.0]
+    assert found.velocity[:, 0].tolist() == [0.1, 0.2]
+
+
+def test_a_delay_with_a_unit_is_not_the_time_beside_it() -> None:
+    found = read("t,u,X,lag [ms]", "0,0.1,1,7", "1,0.2,2,8")
+    assert found.velocity_t.tolist() == [0.0, 1.0]
+
+
+def test_a_moment_is_one_by_the_unit_below_its_name() -> None:
+    found = read("Time,Yaw rate,Mz", "ms,deg/s,N m", "0,1,3", "1000,2,4")
+    assert found.wrench[:, 5].tolist() == [3.0, 4.0]
+    assert found.velocity_t.tolist() == [0.0, 1.0]
+
+
+def test_what_is_not_understood_is_named_where_a_force_is_missing() -> None:
+    rows = ("0,0.1,1,0.3,7", "1,0.2,2,0.4,8")
+    assert "no column is N; not understood: tz" in read("t,u,X,r,tz", *rows).assumptions
+    assert not any("not understood" in one for one in read("t,u,X,N,tz", *rows).assumptions)
+
+
+def test_a_table_on_its_side_is_not_printed_whole() -> None:
+    lines = [",".join(["t", *(f"{0.1 * row:.1f}" for row in range(2000))]), ",".join(["u", *["0.5"] * 2000])]
+    with pytest.raises(HindraxError, match="and 1977 more; wanted t and") as refused:
+        read_records("\n".join(lines), "x.csv")
+    assert len(str(refused.value)) < 1000
+
+
+def test_a_file_without_a_time_is_told_so() -> None:
+    with pytest.raises(HindraxError, match="none of them is a time: call it t"):
+        read("Zeitstempel,u,X", "0,0.1,1", "1,0.2,2")

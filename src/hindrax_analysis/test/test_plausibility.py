@@ -12,6 +12,7 @@ from hindrax_analysis.records.plausibility import (
     turned_by,
     with_inertia_uncertainty,
     with_plausibility_check,
+    with_weight_check,
 )
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import Vehicle
@@ -42,6 +43,14 @@ def test_the_added_mass_of_a_turn_is_no_better_than_an_inertia_that_nobody_named
 def test_an_inertia_that_was_named_is_accepted_and_a_mass_always() -> None:
     assert with_inertia_uncertainty(turned("yaw"), replace(BOX, inertia_kgm2=(0.5, 0.6, 0.7))) == turned("yaw")
     assert with_inertia_uncertainty(turned("surge"), BOX) == turned("surge")
+
+
+@pytest.mark.parametrize(("share", "axes", "warned"), [(1.0, False, False), (-1.0, True, True), (-3.0, False, True)])
+def test_a_net_buoyancy_of_the_other_sign_tells_of_axes_that_point_up(share: float, axes: bool, warned: bool) -> None:
+    found = Number(share * BOX.net_buoyancy_N, 0.1, 0.2, unit="N")
+    told = with_weight_check(replace(turned("heave_down"), coefficients={"b": found}), BOX).warnings
+    assert [one.code for one in told] == [Code.OTHER_WEIGHT] * warned
+    assert ("--frame flu" in " ".join(map(str, told))) == axes
 
 
 def rolled(thrust: Array, v: Array) -> Recording:

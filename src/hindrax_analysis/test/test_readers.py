@@ -1,6 +1,7 @@
 """Third-party records: columns, gaps, and the events made of them."""
 
 import contextlib
+import gzip
 import math
 import struct
 from collections.abc import Callable
@@ -77,7 +78,7 @@ def test_rates_may_differ_and_rows_may_be_out_of_order() -> None:
         ("t,u,u_mps,X\n0,1,1,2", "columns u and u_mps mean the same"),
         ('t,u,X\n0,1,"2\n1,1,2', "quotation mark"),
         ("t,u (furlong/s),X\n0,1,2", "unit 'furlong/s', wanted one of m/s"),
-        ("t,u,X\ns,parsec,N\n0,1,2", "line 2, column u: found the unit 'parsec'"),
+        ("t,u,X\ns,parsec,N\n0,1,2", "column u [parsec]: found the unit 'parsec'"),
         ("t,u,lamp\n0,1,1600", "forces are missing"),
         ("velocity,force\n0.1,2", "hindrax towing"),
         ("t,u,X\n1,1,2\n1,2,3", "all times are the same"),
@@ -191,3 +192,12 @@ def test_a_table_of_another_program_is_to_be_saved_as_csv(ending: str, tmp_path:
     file.write_bytes(b"PK\3\4")
     with pytest.raises(UsageError, match=r"is a table in a format that is not read; save it as CSV"):
         open_sources([file], TopicSelection())
+
+
+@pytest.mark.parametrize("packed", [gzip.compress(b"t,u,X\n0,1,2\n1,2,3\n"), bytes(range(1, 256)) * 20])
+def test_what_is_no_text_is_not_printed_to_the_terminal(packed: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "dive.csv"
+    file.write_bytes(packed)
+    with pytest.raises(UsageError, match=r"holds no text, by its first characters; unpack it") as refused:
+        open_sources([file], TopicSelection())
+    assert str(refused.value).isprintable()

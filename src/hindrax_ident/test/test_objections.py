@@ -116,7 +116,9 @@ SAID = {
     "0.4 N), is 12 times the size in a pool: it is part of the uncertainty, but hardly the cause",
     objection(Code.UNSEEN, widened="the drag", causes="gain and losses", remedy="weigh it"): "most of the uncertainty "
     "of the drag cannot be observed in the data (gain and losses): weigh it",
-    objection(Code.OTHER_WEIGHT, shown="2.1 +- 0.1", known_N=1.0): "the record has a net buoyancy of 2.1 +- 0.1 N, "
+    objection(
+        Code.OTHER_WEIGHT, shown="2.1 +- 0.1", known_N=1.0, axes=""
+    ): "the record has a net buoyancy of 2.1 +- 0.1 N, "
     "mass and volume of the vehicle file 1 N: check mass_kg, volume_m3 and the density of the water",
     objection(Code.OTHER_MASS, shown="10.4 +- 1.9", unit="kg", known=13.5, key="mass_kg"): "the record has a total "
     "mass of 10.4 +- 1.9 kg, less than the body alone has by the vehicle file, 13.5 kg: check its mass_kg, and the "

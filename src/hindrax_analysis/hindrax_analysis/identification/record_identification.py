@@ -1,6 +1,7 @@
 """Identification over records of any origin: bags of this stack, third-party bags, CSV; one, or several pooled."""
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -55,6 +56,8 @@ APART_S = 1000.0
 CSV_ENDINGS = (".csv", ".tsv", ".txt")
 TABLES = (".xlsx", ".xls", ".ods", ".mat", ".npz", ".npy", ".parquet", ".feather", ".pkl", ".h5", ".hdf5")
 """Tables of spreadsheets, MATLAB and Python, which their programs save as CSV."""
+NO_TEXT, LOOKED_AT = re.compile(r"[\0-\x08\x0e-\x1f]"), 4096
+"""Characters of no text, and how many of a file are looked at: what a power cut left unwritten stands at its end."""
 AGAIN = ", with the masses that the axes have found"
 LONG_S = 90.0
 """Time in records from which the axes are worth a process each."""
@@ -195,9 +198,13 @@ def _text(file: Path) -> str:
     codes = ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else (unmarked, "latin-1")
     for code in codes:
         try:
-            return data.decode(code).rstrip("\0")
+            text = data.decode(code).rstrip("\0")
         except UnicodeDecodeError:
             continue
+        if NO_TEXT.search(text[:LOOKED_AT]):
+            remedy = "unpack it where it is compressed, else save it as CSV, or name it by its kind, such as .bin"
+            raise UsageError(f"{file}: holds no text, by its first characters; {remedy}")
+        return text
     raise UsageError(f"{file}: cannot be read as text, wanted UTF-8")
 
 

@@ -187,7 +187,9 @@ def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     if abs(off_N) < max(CONTRADICTED * sigma_N, LEAST_OFF * vehicle.weight_N):
         return result
     shown = measured(found.value, sigma_N)
-    warning = objection(Code.OTHER_WEIGHT, shown=shown, known_N=vehicle.net_buoyancy_N)
+    upward = abs(found.value + vehicle.net_buoyancy_N) < CONTRADICTED * sigma_N
+    axes = "the axes, which seem to point up (--frame flu), else " if upward else ""
+    warning = objection(Code.OTHER_WEIGHT, shown=shown, known_N=vehicle.net_buoyancy_N, axes=axes)
     return replace(result, warnings=(*result.warnings, warning))
 
 

@@ -166,7 +166,7 @@ SENTENCES: Mapping[Code, str] = {
     "{times:.0f} times the size in a pool: it is part of the uncertainty, but hardly the cause",
     Code.UNSEEN: "most of the uncertainty of {widened} cannot be observed in the data ({causes}): {remedy}",
     Code.OTHER_WEIGHT: "the record has a net buoyancy of {shown} N, mass and volume of the vehicle file {known_N:.3g} "
-    "N: check mass_kg, volume_m3 and the density of the water",
+    "N: check {axes}mass_kg, volume_m3 and the density of the water",
     Code.OTHER_MASS: "the record has a total mass of {shown} {unit}, less than the body alone has by the vehicle file, "
     "{known:.3g} {unit}: check its {key}, and the thrust",
 }

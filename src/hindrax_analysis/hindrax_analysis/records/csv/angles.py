@@ -18,8 +18,9 @@ from hindrax_ident.arrays import Array, array
 
 ANGLES = {"roll": "p", "pitch": "q", "yaw": "r"}
 """Angles, and the rate about each axis: alike as long as the vehicle is nearly level."""
-TURN = 6.5
-"""An angle beyond this is none in radians [rad]: a turn, and a little."""
+TURN, FASTEST_radps = 6.5, 4.0 * np.pi
+"""An angle beyond the first is none in radians [rad]: a turn, and a little. A rate beyond the second is none in rad/s:
+no such vehicle turns twice a second."""
 INERTIAS = (0.2, 11.0)
 """Inertia with the water in that of the vehicle alone [-]: a range of less than a radian in degrees."""
 IMPULSE_S, FEWEST_KNOWN, LEAST_EXPLAINED = 0.5, 50, 0.5
@@ -60,9 +61,10 @@ def in_radians(
         out |= {one: array(out[one] * DEGREE) for one in angles}
         notes.append(f"angles ({', '.join(angles)}) are in degrees, by their {'size' if large else 'rates'}")
         slope *= DEGREE
-    if rates and 0.0 < slope < 2.0 * DEGREE:
+    too_fast = any(np.nanpercentile(np.abs(out[one]), 95.0) > FASTEST_radps for one in rates if np.any(out[one]))
+    if rates and (0.0 < slope < 2.0 * DEGREE or (too_fast and not slopes)):
         out |= {one: array(out[one] * DEGREE) for one in rates}
-        notes.append(f"rates ({', '.join(rates)}) are in deg/s, by the angles")
+        notes.append(f"rates ({', '.join(rates)}) are in deg/s, by {'the angles' if slopes else 'their size'}")
     return out, tuple(notes)
 
 

@@ -50,6 +50,7 @@ def with_depths(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[s
 
 OF_WORLD = {"vn", "ve", "yaw"}
 """Columns that show the velocities of surge and sway."""
+WITHOUT_HEADING = "velocities north and east are not used: they need a column yaw, the heading clockwise from north"
 PLACE = {"px", "py", "yaw"}
 """Columns that show the way along surge and sway."""
 
@@ -105,7 +106,8 @@ def with_velocities_of_world(columns: Mapping[str, Array]) -> tuple[dict[str, Ar
     """
     out = {name: values for name, values in columns.items() if name not in ("vn", "ve", "vd")}
     if not set(columns) >= OF_WORLD:
-        return dict(columns), (), ()
+        lost = {"vn", "ve"} <= set(columns) and not {*"uv"} & set(columns)
+        return dict(columns), (), (WITHOUT_HEADING,) if lost else ()
     tilted = {"vd", "roll", "pitch"} <= set(columns)
     down = columns["vd"] if tilted else np.zeros_like(columns["vn"])
     attitude = _attitude(columns, ("yaw", "pitch", "roll") if tilted else ("yaw",))

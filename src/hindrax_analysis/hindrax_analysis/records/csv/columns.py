@@ -3,6 +3,7 @@
 import csv
 import math
 import re
+import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from itertools import product
@@ -116,7 +117,15 @@ PREAMBLE = 40
 """Lines searched for the header line."""
 Row = tuple[int, list[str]]
 """Line number, and its cells without spaces around them."""
-_IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
+_IN_BRACKETS = re.compile(r"^(?P<name>.*?)[\s/,;]*[\[(](?P<unit>[^\])]*)[\])]\s*$")
+_BEHIND_MARK = re.compile(r"(?P<name>[^/,;]+?)\s*[/,;]\s*(?P<unit>\S.*)")
+"""`X/N`, as ISO 80000 writes a unit, and `u, m/s`; a path of a message is none, as its last word is no unit."""
+_SPELLED = re.compile(
+    r"\b(nano|micro|milli|centi|kilo)?(seconds?|secs?|met(?:er|re)s?|newtons?|radians?|degrees?|minutes?|hours?)\b"
+)
+_SYMBOLS = {"nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k"}
+_SYMBOLS |= {"sec": "s", "met": "m", "new": "n", "rad": "rad", "deg": "deg", "min": "min", "hou": "h"}
+"""Symbols of spelled units and their prefixes, by the first letters of the unit."""
 
 
 class Meaning(NamedTuple):
@@ -223,9 +232,10 @@ def _meaning(header: str, name_of: Callable[[str], str | None], unit_words: int)
     if name:
         return Meaning(name, 1e-9 if name == NANOSECONDS else 1.0, has_unit=name == NANOSECONDS)
     words = header.split("_")
-    for last in range(1, unit_words + 1):
-        name = name_of("_".join(words[:-last]))
-        factor = UNITS[name].get(plain_unit("_".join(words[-last:]))) if name else None
+    apart = [("_".join(words[:-last]), "_".join(words[-last:])) for last in range(1, unit_words + 1)]
+    for before, unit in (*apart, *_BEHIND_MARK.findall(header)):
+        name = name_of(before)
+        factor = UNITS[name].get(plain_unit(unit)) if name else None
         if name and factor:
             return Meaning(name, factor, has_unit=True)
     return None
@@ -290,10 +300,12 @@ def factor_of(name: str, unit: str, where: str) -> float:
 
 
 def plain_unit(unit: str) -> str:
-    """A unit in normalized spelling."""
-    text = unit.strip().lower().replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
+    """A unit in normalized spelling: by its symbols, with a slash."""
+    # Raised digits and signs become plain ones, and the micro sign the Greek letter.
+    text = unicodedata.normalize("NFKC", unit.strip().lower()).replace("\N{GREEK SMALL LETTER MU}", "u")
     text = text.replace("\N{DEGREE SIGN}", "deg").replace("per", "/")
-    return re.sub(r"[\s*.·_^-]+", "", text).replace("s1", "/s") if text not in ("m", "s") else text
+    text = _SPELLED.sub(lambda found: _SYMBOLS.get(found[1], "") + _SYMBOLS[found[2][:3]], text)
+    return re.sub(r"[\s*.·_^\N{MINUS SIGN}-]+", "", text).replace("s1", "/s")
 
 
 def _name(text: str) -> str | None:
@@ -332,7 +344,8 @@ _OF_PX4 = re.compile(r"(.*[._/])?q\[[0-3]\]")
 def from_one(header: Sequence[str]) -> list[str]:
     """Header line in which vectors such as nu[0] ... nu[5] are nu_1 ... nu_6, and q[0] ... q[3] of PX4 qw ... qz.
 
-    PX4's messages have the real part first (VehicleAttitude).
+    PX4's messages have the real part first (VehicleAttitude). In any language the time is the only column with a
+    unit of time.
 
     Parameters
     ----------
@@ -347,12 +360,29 @@ def from_one(header: Sequence[str]) -> list[str]:
     if len(places := [i for i, cell in enumerate(header) if _OF_PX4.fullmatch(cell.strip())]) == len(QUATERNION):
         named = {i: f"q{part}" for i, part in zip(places, "wxyz", strict=True)}
         header = [named.get(i, cell) for i, cell in enumerate(header)]
+    timed = {i: found for i, cell in enumerate(header) if (found := _time_by_unit(cell))}
+    if len(timed) == 1 and not any(_is_time(cell) for cell in header):
+        header = [timed.get(i, cell) for i, cell in enumerate(header)]
     counted = [re.fullmatch(rf"({'|'.join(VECTORS)})_?(\d)", _words(cell)) for cell in header]
     from_zero = {found[1] for found in counted if found and found[2] == "0"}
     return [
         f"{found[1]}_{int(found[2]) + (found[1] in from_zero)}" if found else cell
         for cell, found in zip(header, counted, strict=True)
     ]
+
+
+def _time_by_unit(cell: str) -> str:
+    """The name `t [ms]` for a column with a unit of time in brackets; empty for others."""
+    found = _IN_BRACKETS.match(cell.strip())
+    return f"t [{found['unit']}]" if found and plain_unit(found["unit"]) in _TIME else ""
+
+
+def _is_time(cell: str) -> bool:
+    try:
+        found = meaning_of(cell)
+    except HindraxError:
+        return False
+    return bool(found and found.name == "t")
 
 
 def number(text: str) -> float:
@@ -389,9 +419,9 @@ def time_of(text: str) -> float:
 def rows_of(text: str, source: str, is_header: Callable[[str], bool] = bool) -> list[Row]:
     """Row of the header line, or else of the first line, and of each line below it.
 
-    Separators are comma, semicolon or tab, or spaces where there is no other; empty lines and those that begin with #
-    are skipped, but for a header line where no other line is one: numpy writes it so. Where the comma does not separate
-    it is that of decimals, and becomes a point.
+    Separators are comma, semicolon, tab or bar, or spaces where there is no other; empty lines and those that begin
+    with # are skipped, but for a header line where no other line is one: numpy writes it so. Where the comma
+    does not separate it is that of decimals, and becomes a point.
 
     Parameters
     ----------
@@ -430,7 +460,7 @@ def rows_of(text: str, source: str, is_header: Callable[[str], bool] = bool) -> 
 def cells_of(lines: Sequence[str]) -> list[list[str]]:
     """Cells of each line, separated as in the first one."""
     first = next(iter(lines), "")
-    found = max(",;\t", key=first.count)
+    found = max(",;\t|", key=first.count)
     separator = found if found in first else " "
     spaced = separator == " "
     rows = csv.reader((line.strip() for line in lines) if spaced else lines, delimiter=separator, skipinitialspace=True)

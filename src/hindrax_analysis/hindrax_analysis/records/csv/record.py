@@ -32,13 +32,13 @@ from hindrax_analysis.records.csv.columns import (
     Row,
     cells_of,
     check_width,
-    factor_of,
     from_one,
     is_of_message,
     meaning_of,
     near_miss,
     number,
     otherwise_recorded,
+    plain_unit,
     rows_of,
     time_of,
 )
@@ -47,6 +47,7 @@ from hindrax_analysis.records.csv.thrusters import (
     OUTPUTS,
     OutputColumn,
     output_columns,
+    output_of,
     outputs_of,
     supply_column,
 )
@@ -80,7 +81,7 @@ REAL_FORCES = "forces are those achieved by the thrusters, about the center of m
 WANTED_TIME = "seconds with a decimal point, or a time as 2024-05-01T12:00:00.5"
 FEWEST_ROWS, MOST_RECORDS = 20, 50
 """Shorter or more numerous than this, pieces between steps back are no records but lines out of order."""
-LONGEST_SHOWN = 40
+LONGEST_SHOWN, MOST_SHOWN = 40, 24
 DAY_S, MINUTE_S = 86_400.0, 60.0
 ROWS_OF_TICK, MOST_TICKS, SHARE_OF_ROWS = 1.5, 1.5, 0.9
 """Rows to a tick from which a clock is coarse, ticks over which they are spread at most, and the share of rows that
@@ -112,11 +113,10 @@ def read_records(
         In SNAME axes, SI.
     """
     header, rows = _rows(text, source)
+    header, units = _with_units(header, rows)
+    rows = [row for row in rows if row[1] != units] if units else rows
     meanings, outputs = _meanings(header, source, part=part)
-    if not any(_is_data(row[i]) for _, row in rows[:1] for i in meanings if i < len(row)):
-        units = rows[0][1]
-        outputs = {i: one.with_unit(units[i]) if i < len(units) else one for i, one in outputs.items()}
-        meanings, rows = _with_units(meanings, rows, source), [row for row in rows if row[1] != units]
+    outputs = {i: one.with_unit(units[i]) if i < len(units) else one for i, one in outputs.items()}
     for line, cells in rows:
         check_width(cells, header, f"{source}, line {line}")
     columns = {
@@ -160,10 +160,18 @@ def read_records(
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
     twice = f"{repeated} lines that repeat others were left out" if repeated else ""
     rated = [f"{ANGLES[angle]} follows from {angle}" for angle in _rated(columns)]
+    unknown = [cell for i, cell in enumerate(header) if i not in meanings and i not in outputs and cell]
+    alone = _alone(columns, unknown)
     of_motion = (*by_angles, *by_quaternion, *by_pose, *by_world, *rated)
-    assumptions = tuple(one for one in (by_size, *of_motion, *axes, forces_are, twice, coarse, back) if one)
+    assumptions = tuple(one for one in (by_size, *of_motion, *axes, forces_are, alone, twice, coarse, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
+
+
+def _alone(columns: Collection[str], unknown: list[str]) -> str:
+    """A note on motions whose force is not there, where columns that were not understood may be it."""
+    lacks = [force for speed, force in zip("uvwpqr", FORCES, strict=True) if speed in columns and force not in columns]
+    return f"no column is {', '.join(lacks)}; not understood: {_listed(unknown)}" if lacks and unknown else ""
 
 
 def _axes(
@@ -274,7 +282,7 @@ def _rows(text: str, source: str) -> tuple[list[str], list[Row]]:
 def _is_header(line: str) -> bool:
     """Whether a line names the time and another known column."""
     try:
-        found = {known.name for cell in cells_of([line])[0] if (known := meaning_of(cell))}
+        found = {known.name for cell in from_one(cells_of([line])[0]) if (known := meaning_of(cell))}
     except (HindraxError, csv.Error, IndexError):
         return False
     return "t" in found and len(found) > 1
@@ -313,7 +321,7 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
     usable = [force for speed, force in pairs if any(shown <= shown_by for shown in ({speed}, *others.get(speed, ())))]
     if "t" not in names or not (usable or (part and (outputs or len(names) > 1))):
         raise HindraxError(
-            f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
+            f"{source}: found the columns {_listed(header)}; wanted t and at least one pair of velocity and force "
             "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N), with the unit where it is not "
             f"SI, such as u_cmps; rename them in the header line{_hint(set(names), header)}"
         )
@@ -323,7 +331,8 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
 def _hint(names: set[str], header: list[str]) -> str:
     """Remedy for the missing part of a record."""
     if "t" not in names:
-        return "; speeds and forces without times are for `./hindrax towing`"
+        no_time = "; none of them is a time: call it t, with its unit if not seconds, such as t_ms"
+        return f"{no_time}; speeds and forces without times are for `./hindrax towing`"
     if {"vn", "ve"} <= names and "yaw" not in names:
         return "; vn and ve are turned into u and v by a column yaw, and with vd, roll and pitch into w: add them"
     misses = otherwise_recorded(header)
@@ -344,18 +353,24 @@ def _is_data(cell: str) -> bool:
     return True
 
 
-def _with_units(meanings: dict[int, Meaning], rows: list[Row], source: str) -> dict[int, Meaning]:
-    """Meanings with the units of a line below the header line."""
-    line, units = rows[0]
-    out = {}
-    for i, meaning in meanings.items():
-        unit = units[i].strip("()[]") if i < len(units) else ""
-        try:
-            factor = factor_of(meaning.name, unit, meaning.name)
-        except HindraxError as error:
-            raise HindraxError(f"{source}, line {line}, {error}") from None
-        out[i] = Meaning(meaning.name, factor, has_unit=True)
-    return out
+def _with_units(header: list[str], rows: list[Row]) -> tuple[list[str], list[str]]:
+    """Header line with the units of a line below it in brackets, and that line; empty where there is none."""
+    units = rows[0][1]
+    known = [i for i, cell in enumerate(from_one(header)[: len(units)]) if _is_known(cell)]
+    # Where only one column is known, the table may lie on its side.
+    if len(known) < 2 or any(_is_data(units[i]) for i in known):
+        return header, []
+    plain = [*(unit.strip("()[]") if plain_unit(unit) else "" for unit in units), *[""] * len(header)]
+    columns = zip(header, plain, strict=False)
+    return [f"{cell} [{unit}]" if unit and not output_of(cell) else cell for cell, unit in columns], units
+
+
+def _is_known(cell: str) -> bool:
+    """Whether a header is that of a known column, be it with a unit that is none of it."""
+    try:
+        return bool(meaning_of(cell))
+    except HindraxError:
+        return True
 
 
 def _forces_of_outputs(
@@ -387,6 +402,12 @@ def _values(rows: list[Row], index: int, name: str, column: str, source: str) ->
             wanted = WANTED_TIME if name == "t" else "a number with a decimal point, or nothing"
             raise HindraxError(f"{source}, line {line}, {column}: found {_shown(text)}, wanted {wanted}") from None
     return np.array(out)
+
+
+def _listed(header: list[str]) -> str:
+    """Cells of a header line for an error: a table that lies on its side has thousands."""
+    more = f" and {len(header) - MOST_SHOWN} more" if len(header) > MOST_SHOWN else ""
+    return ", ".join(cell[:LONGEST_SHOWN] for cell in header[:MOST_SHOWN]) + more
 
 
 def _shown(text: str) -> str:
