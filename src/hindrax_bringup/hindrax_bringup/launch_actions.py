@@ -59,6 +59,7 @@ def stack(
             out=str(Path(given["record"]).resolve()) if given["record"] else None,
             tether=None if hardware else tether_setting(),
             without_operator=given["without_operator"],
+            launched=True,
             tuning=ParameterOverrides(
                 given["namespace"], given["params_file"], frame_prefix=given["frame_prefix"], sensors=sensors
             ),

@@ -56,6 +56,8 @@ class UpOptions:
     restarts: int = RESTARTS_AT_MOST
     processes: tuple[str, ...] | None = None
     """Onboard processes to start, beside what replaces the vehicle; None: all."""
+    launched: bool = False
+    """Whether `ros2 launch` started it, which reports any other code than 0 as a process that has died."""
 
     @property
     def hardware(self) -> MockOptions | ReplayOptions | None:

@@ -293,7 +293,7 @@ def main() -> int:
             signal.signal(number, signal.SIG_IGN)
     if signal.SIGINT in came:
         print_stderr(f"{LAST_WORDS}stopped by Ctrl-C")
-        return INTERRUPTED
+        return 0 if options.launched else INTERRUPTED
     return 0
 
 
