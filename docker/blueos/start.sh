@@ -1,6 +1,6 @@
 #!/bin/sh
 # The extension: the stack of the vehicle in vehicle.yaml, and its page. When either ends, both do, and BlueOS starts them again.
-# BlueOS forwards the MAVLink endpoint 127.0.0.1:14660 of the vehicle to port 14550 here.
+# BlueOS forwards the MAVLink endpoint 127.0.0.1:14680 of the vehicle to port 14550 here.
 set -eu
 hindrax=${HINDRAX:-/opt/hindrax/hindrax}
 stack='' page=''

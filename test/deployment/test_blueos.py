@@ -27,6 +27,9 @@ DOCKERFILE = (BLUEOS / "Dockerfile").read_text()
 VERSION = (ROOT / "VERSION").read_text().strip()
 ONE_LINE = DOCKERFILE.replace("\\\n", "")
 LABELS = dict(re.findall(r"""^LABEL (\w+)=["'](.*)["']$""", ONE_LINE, re.MULTILINE))
+PAGE_FILE = ROOT / "docs/how-to/blueos-extension.md"
+OF_BLUEOS = {14000, 14001, 14550, 14551, 14552, 14553, 14554, 14660}
+"""Ports at which the router of BlueOS and its programs listen by default: 14660 is the heading for a Ping360."""
 TYPES = {"device-integration", "example", "theme", "other", "tool"}
 
 
@@ -73,8 +76,11 @@ def test_it_may_do_no_more_than_serve_its_page_hear_mavlink_and_keep_its_data() 
     assert not set(host) & {"Privileged", "NetworkMode", "Devices", "CapAdd"}
     ports = host["PortBindings"]
     assert set(permissions["ExposedPorts"]) == set(ports) == {f"{PORT}/tcp", "14550/udp"}
-    # BlueOS looks for the page at every port, and its own router is at 14550 of the host.
-    assert [one[0]["HostPort"] for one in ports.values()] == ["", "14660"]
+    # BlueOS looks for the page at every port.
+    page, autopilot = (one[0]["HostPort"] for one in ports.values())
+    assert page == ""
+    assert int(autopilot) not in OF_BLUEOS, "Docker starts no container whose port is taken"
+    assert f"127.0.0.1, port {autopilot}." in PAGE_FILE.read_text(encoding="utf-8")
     heavy = load_vehicle(default_vehicle().parent / "bluerov2-heavy.yaml")
     assert heavy.output.port == "udpin:0.0.0.0:14550"
     (bind,) = host["Binds"]
