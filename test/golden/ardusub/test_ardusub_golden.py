@@ -80,6 +80,10 @@ def test_inertial_samples_are_of_mg_mrad_per_s_and_mgauss() -> None:
     assert math.isnan(read("raw_imu_without_temperature").temperature_C)
 
 
+def test_the_outputs_from_17_on_are_none_of_the_thrusters() -> None:
+    assert read("servos_from_17") is None
+
+
 def test_what_is_not_measured_is_no_number() -> None:
     found: Supply = read("supply_unmeasured")
     assert math.isnan(found.voltage_V)

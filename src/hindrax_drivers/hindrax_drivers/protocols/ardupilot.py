@@ -66,7 +66,7 @@ class Barometer:
 
 @dataclass(frozen=True, slots=True)
 class ServoOutput:
-    """SERVO_OUTPUT_RAW: pulses of sixteen outputs, 0 for none [us]; time since power-up, of 32 bits."""
+    """SERVO_OUTPUT_RAW: pulses of the first sixteen outputs, 0 for none [us]; time since power-up, of 32 bits."""
 
     boot_us: int
     pulses_us: tuple[float, ...]
@@ -158,6 +158,12 @@ def _barometer(number: int) -> tuple[struct.Struct, Callable[[tuple[float, ...]]
     return struct.Struct("<Iffhh"), read
 
 
+def _servo_output(v: tuple[int, ...]) -> ServoOutput | None:
+    """None for the outputs from 17 on: a board with so many sends them right behind the others, as those of port 1."""
+    port = v[9]
+    return None if port else ServoOutput(v[0], tuple(map(float, (*v[1:9], *v[10:]))))
+
+
 def _distance(v: tuple[float, ...]) -> Distance:
     """Current distance [cm]; quality of 0 is unknown, 1 is invalid, 100 is perfect."""
     quality = v[14]
@@ -177,7 +183,7 @@ FROM_AUTOPILOT: Readers = {
     SCALED_PRESSURE: _barometer(1),
     ATTITUDE: (struct.Struct("<I6f"), lambda v: Attitude(v[0], v[1:4], v[4:7])),
     LOCAL_POSITION: (struct.Struct("<I6f"), lambda v: LocalPosition(v[0], v[1:4], v[4:7])),
-    SERVO_OUTPUT: (struct.Struct("<I8HB8H"), lambda v: ServoOutput(v[0], tuple(map(float, (*v[1:9], *v[10:]))))),
+    SERVO_OUTPUT: (struct.Struct("<I8HB8H"), _servo_output),
     RC_CHANNELS: (struct.Struct("<I18H"), lambda v: RcChannels(v[0], v[1:])),
     77: READ[77],
     DISTANCE: (struct.Struct("<IHHHBBBBff4fB"), _distance),

@@ -28,6 +28,7 @@ ALERT, CRITICAL, WARNING, INFO = 1, 2, 4, 6
 BOOT_S = 1.0
 """Until it speaks again; the real one needs 10 s and more, which would only make the tests longer."""
 NAMED, NAMED_EVERY_S = 251, 0.5
+SERVO_OUTPUT = 36
 TEST_TIMEOUT_S, TEST_COOLDOWN_S = 0.5, 10.0
 HANDED_S = 0.03
 """Time between two deliveries of the link: firmware, router and network pass messages on in batches."""
@@ -146,7 +147,7 @@ class ArduSub(Part[AutopilotTruth]):
             27: self._raw_imu,
             30: self._attitude,
             32: self._local_position,
-            36: self._servo_output,
+            SERVO_OUTPUT: self._servo_output,
             65: self._rc_channels,
             132: self._distance,
             137: self._pressure,
@@ -196,6 +197,8 @@ class ArduSub(Part[AutopilotTruth]):
                 if now_s >= channel.due_s[number]:
                     channel.due_s[number] = max(channel.due_s[number] + interval_s, now_s - interval_s)
                     self._send(channel, number, self._messages[number]())
+                    if number == SERVO_OUTPUT:
+                        self._send(channel, number, self._further_outputs())
         return self.sent(0)
 
     def jump_clock(self, seconds: float) -> None:
@@ -476,6 +479,11 @@ class ArduSub(Part[AutopilotTruth]):
     def _servo_output(self) -> Fields:
         pulses = [round(self._pulses_us.get(channel, 0.0)) for channel in range(16)]
         return (self._us & 0xFFFFFFFF, *pulses[:8], 0, *pulses[8:])
+
+    def _further_outputs(self) -> Fields:
+        """Outputs 17 to 32, as every board with room for them sends right behind the others (GCS_Common.cpp)."""
+        later_us, port = 20, 1
+        return ((self._us + later_us) & 0xFFFFFFFF, *(0,) * 8, port, *(0,) * 8)
 
     def _rc_channels(self) -> Fields:
         return (self._ms, *map(round, self._sticks_us), *(65535,) * 12, 16, 255)
