@@ -9,6 +9,7 @@ import pytest
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Send
 from hindrax_core.events import after
+from hindrax_drivers.buses import line
 from hindrax_drivers.buses.clock import SystemClock
 from hindrax_drivers.buses.line import UdpPort, open_line
 
@@ -27,9 +28,9 @@ class Talk:
             free.bind(("127.0.0.1", 0))
             self.at = free.getsockname()
         self.path = f"udp://127.0.0.1:{self.at[1]}"
-        line = open_line(self.path, 115200, self.clock)
-        assert isinstance(line, UdpPort)
-        self.line = line
+        opened = open_line(self.path, 115200, self.clock)
+        assert isinstance(opened, UdpPort)
+        self.line = opened
 
     def received(self) -> bytes:
         self.line.wait(after(self.clock.now(), PATIENT_S))
@@ -62,6 +63,31 @@ def test_orders_wait_until_it_is_known_where_the_device_is(talk: Talk) -> None:
     while not orders or orders[-1] != b"SEND-DVPDL ON\n":
         orders.append(talk.device.recv(100))
     assert orders == [b"CONFIGURATION %d\n" % number for number in range(11, 20)] + [b"SEND-DVPDL ON\n"]
+
+
+def test_of_two_devices_at_one_port_only_the_first_is_heard_and_ordered_about_while_it_speaks(
+    talk: Talk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as other:
+        other.bind(("127.0.0.1", 0))
+        other.settimeout(PATIENT_S)
+        talk.device.sendto(b"one\n", talk.at)
+        assert talk.received() == b"one\n"
+        other.sendto(b"other\n", talk.at)
+        talk.device.sendto(b"one again\n", talk.at)
+        found = b""
+        while b"again" not in found:
+            found += talk.received()
+        assert found == b"one again\n"
+        other.sendto(b"other\n", talk.at)
+        assert talk.received() == b""
+        talk.line.send(Send(b"to the first"))
+        assert talk.device.recv(100) == b"to the first"
+        monkeypatch.setattr(line, "OWN_S", 0.0)
+        other.sendto(b"the first is silent\n", talk.at)
+        assert talk.received() == b"the first is silent\n"
+        talk.line.send(Send(b"to the other"))
+        assert other.recv(100) == b"to the other"
 
 
 def test_an_address_that_is_taken_or_none_is_one_sentence(talk: Talk) -> None:

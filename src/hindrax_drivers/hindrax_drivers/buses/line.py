@@ -13,7 +13,7 @@ import serial
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output, Send
 from hindrax_core.errors import cause
-from hindrax_core.events import Stamp
+from hindrax_core.events import Stamp, seconds_between
 from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
 
 Tap: TypeAlias = Callable[[Stamp, bool, bytes], None]
@@ -44,6 +44,8 @@ send no farewell."""
 LARGEST_DATAGRAM = 65536
 MOST_AT_ONCE = 100
 MOST_KEPT = 8
+OWN_S = 3.0
+"""Silence of a sender of datagrams after which another one may be the device."""
 
 
 class Line(ABC):
@@ -164,7 +166,10 @@ class SerialPort(Line):
 
 
 class UdpPort(Line):
-    """Listens at a local address and answers the last sender; until there is one, commands are queued.
+    """Listens at a local address and answers who sends there; until there is somebody, commands are queued.
+
+    Of two senders the first is the device, and the other is not heard while that one speaks: two vehicles of the same
+    number would be one in all that is received, and commands would go to both by turns.
 
     At `udp://` a datagram ends a line of text, even without a line end; at `udpin:` it is bytes. A DVL-75 sends to port
     27000 from the port at which it takes commands. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface".
@@ -175,13 +180,18 @@ class UdpPort(Line):
         super().__init__(path, clock, self._socket, "network and cable")
         self._text = path.startswith(UDP_PREFIX)
         self._device: tuple[str, int] | None = None
+        self._heard = Stamp(0)
         self._kept: list[bytes] = []
 
     def _receive(self) -> bytes:
         found = []
         with contextlib.suppress(BlockingIOError):
             for _ in range(MOST_AT_ONCE):
-                data, self._device = self._socket.recvfrom(LARGEST_DATAGRAM)
+                data, sender = self._socket.recvfrom(LARGEST_DATAGRAM)
+                now = self._clock.now()
+                if sender != self._device and self._device and seconds_between(self._heard, now) < OWN_S:
+                    continue
+                self._device, self._heard = sender, now
                 found.append(data + b"\n" if self._text and not data.endswith(b"\n") else data)
         self._send_kept()
         return b"".join(found)
