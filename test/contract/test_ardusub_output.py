@@ -344,7 +344,7 @@ def leak(bench: Bench) -> None:
         (change_mode, "another party, or a failsafe, has taken over: STABILIZE"),
         (disarm, "the autopilot has been disarmed"),
         (leak, "another party, or a failsafe, has taken over: SURFACE (Leak Detected)"),
-        (restart, "the autopilot has fallen silent"),
+        (restart, "the autopilot has restarted"),
     ],
 )
 def test_who_takes_over_ends_the_flight_by_name_and_it_is_not_resumed(act: Callable[[Bench], None], why: str) -> None:
@@ -359,6 +359,19 @@ def test_who_takes_over_ends_the_flight_by_name_and_it_is_not_resumed(act: Calla
     bench.armed = False
     bench.run(0.5)
     assert not any(one.number == 76 and one.values[7] == 400 for one in Receiver().feed(bench.sent)), "no disarm either"
+
+
+def test_a_station_on_the_same_line_that_starts_leaves_us_the_rates_that_we_need() -> None:
+    """QGroundControl behind the router asks for its own rates, 2 Hz for the pulses: the autopilot has one a line."""
+    bench = Bench()
+    bench.fly(*AHEAD)
+    wanted = dict(bench.board.channels[0].intervals_s)
+    for number in wanted:
+        bench.stranger(76, float(number), 0.5e6, *(0.0,) * 5, 511, 1, 1, 0)
+    assert bench.board.channels[0].intervals_s == dict.fromkeys(wanted, 0.5)
+    bench.run(4.0)
+    assert bench.board.channels[0].intervals_s == wanted
+    assert bench.device.fault() == ""
 
 
 def test_what_somebody_else_has_armed_is_neither_flown_nor_disarmed() -> None:

@@ -121,7 +121,6 @@ class ArduSub(Companion):
     def _on_imu(self, one: RawImu, stamp: Stamp) -> list[Output]:
         if self._is_old("sample", one.boot_us):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "sample"), b"")]
-        self._sampled = stamp
         if not _within(one.force_mps2, FULL_SCALE_mps2) or not _within(one.rate_radps, FULL_SCALE_radps):
             return [Rejected(stamp, reject(RejectCode.RANGE, "sample"), b"")]
         at = self._imu_clock.map(one.boot_us, stamp)

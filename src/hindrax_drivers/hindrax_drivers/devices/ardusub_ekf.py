@@ -84,7 +84,6 @@ class ArduSubEkf(Companion):
     def _on_position(self, one: LocalPosition, stamp: Stamp) -> list[Output]:
         if self._is_old("velocity", 1000 * one.boot_ms):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "velocity"), b"")]
-        self._sampled = stamp
         at = self._clock.map(one.boot_ms, stamp)
         velocity = self._in_body(one) if self._claimed(stamp) else None
         interval_s, device_us = 1.0 / self._knobs.rate_Hz, 1000 * one.boot_ms

@@ -59,7 +59,7 @@ class ArduSubRange(Companion):
             return []
         if self._is_old("distance", 1000 * one.boot_ms):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "distance"), b"")]
-        self._sampled, self._count = stamp, self._count + 1
+        self._count += 1
         at = self._clock.map(one.boot_ms, stamp)
         if one.range_m > self._knobs.most_m:
             return [Rejected(stamp, reject(RejectCode.RANGE, "distance"), b"")]

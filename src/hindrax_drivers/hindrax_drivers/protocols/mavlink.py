@@ -84,6 +84,7 @@ class MavlinkFrame:
     system: int
     component: int
     sequence: int
+    number: int
     message: object
 
 
@@ -219,7 +220,7 @@ class Decoder:
         if number in self._read:
             fields, of = self._read[number]
             message = of(fields.unpack_from(payload.ljust(fields.size, b"\x00")))
-        return MavlinkFrame(system, component, sequence, message)
+        return MavlinkFrame(system, component, sequence, number, message)
 
     def _refuse(self, count: int, why: Reject, stamp: Stamp) -> Iterator[Rejected]:
         # The first reason that names a frame is more specific than its absence.

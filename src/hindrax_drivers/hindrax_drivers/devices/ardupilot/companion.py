@@ -4,13 +4,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 
 from hindrax_core.driver_interface import Identity, Output, Trouble
-from hindrax_core.events import Rejected, Stamp, seconds_between
+from hindrax_core.events import Rejected, Stamp
 from hindrax_drivers.devices.ardupilot.link import BAUD, Handlers, Link, no_submarine
 from hindrax_drivers.driver import SilenceMonitor
 from hindrax_drivers.timebase import Break, came_again
-
-ASK_AGAIN_S = 1.0
-"""Silence of the stream, with heartbeats, after which it is asked for anew: the autopilot has restarted."""
 
 
 class Companion(ABC):
@@ -37,7 +34,6 @@ class Companion(ABC):
         self._link.restart(stamp)
         self._silence.restart(stamp)
         self._identity = self._told = ""
-        self._sampled = self._asked = stamp
         self._broken: list[Trouble] = []
         self._newest_us: dict[str, int] = {}
         self._clear()
@@ -74,12 +70,7 @@ class Companion(ABC):
 
     def tick(self, stamp: Stamp) -> Iterable[Output]:
         """Heartbeat, requests, silence."""
-        outputs: list[Output] = [*self._silence.tick(stamp), *self._identify(stamp), *self._link.tick(stamp)]
-        stalled = seconds_between(max(self._sampled, self._asked), stamp) > ASK_AGAIN_S
-        if stalled and self._link.alive(stamp) and not self._link.asking:
-            self._asked = stamp
-            self._link.ask_streams()
-        return outputs
+        return [*self._silence.tick(stamp), *self._identify(stamp), *self._link.tick(stamp)]
 
     def _identify(self, stamp: Stamp) -> list[Output]:
         if self._link.beat is None or self._link.asking:

@@ -6,8 +6,8 @@ What is not answered after some requests is absent: `parameters` has no such nam
 firmware does not send. Frames of others on the same network, ground stations and cameras, are left out, but noted.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -31,6 +31,12 @@ ANSWER_S, ATTEMPTS = 0.3, 4
 """Wait for an answer, and how often a request is sent before it counts as unanswered."""
 ATTEMPTS_OF_LOSSY = 16
 """The same on a link that has lost some: there silence is no sign of what the autopilot does not have."""
+LOOK_S, TOO_FEW = 1.0, 0.5
+"""Time over which a stream is counted, and the part of what was asked for below which it is asked for anew.
+
+An autopilot has one rate for each message and line, and a router puts several stations on one: QGroundControl asks for
+groups of messages at 2 to 10 Hz when it starts. After a restart of the autopilot nothing comes.
+"""
 AT_ONCE = 8
 """Parameters that are asked for at the same time."""
 LOST_S = 3.0
@@ -112,13 +118,13 @@ class Link:
         self._lossy = False
         """Whether an answer came to a repeated request only."""
         self._commands: deque[Command] = deque([Command(ardupilot.REQUEST, (ardupilot.VERSION,))])
-        self.ask_streams()
+        self._ask_streams(self._streams)
         self._sent_at = Stamp(0)
+        self._came: Counter[int] = Counter()
+        self._looked = stamp
 
-    def ask_streams(self) -> None:
-        """Ask for the streams, once more after a restart of the autopilot."""
-        self.refused.clear()
-        self._commands += (Command(ardupilot.SET_INTERVAL, (one, 1e6 / rate)) for one, rate in self._streams.items())
+    def _ask_streams(self, numbers: Iterable[int]) -> None:
+        self._commands += (Command(ardupilot.SET_INTERVAL, (one, 1e6 / self._streams[one])) for one in numbers)
 
     @property
     def own_system(self) -> int:
@@ -181,7 +187,9 @@ class Link:
                     self.beat, self.beat_at = message, stamp
             elif frame.component == AUTOPILOT:
                 self.foreign = message
-        return frame.system == self.system and frame.component == AUTOPILOT
+        ours = frame.system == self.system and frame.component == AUTOPILOT
+        self._came[frame.number] += ours
+        return ours
 
     def _receive(self, message: object, stamp: Stamp) -> bool:
         """Whether a message is an answer to a request of the set-up."""
@@ -244,8 +252,20 @@ class Link:
             self._sent_at = stamp
             yield self.send(ardupilot.beat(COMPANION if self._companion else GROUND_STATION))
         if self.system:
+            self._watch_streams(stamp)
             yield from self._ask_parameters(stamp)
             yield from self._ask_command(stamp)
+
+    def _watch_streams(self, stamp: Stamp) -> None:
+        """Ask anew for the streams of which too little comes."""
+        if self.asking or not self.alive(stamp):
+            self._came.clear()
+            self._looked = stamp
+        elif (counted_s := seconds_between(self._looked, stamp)) >= LOOK_S:
+            rates = ((one, rate) for one, rate in self._streams.items() if one not in self.refused)
+            self._ask_streams([one for one, rate in rates if self._came[one] < TOO_FEW * rate * counted_s])
+            self._came.clear()
+            self._looked = stamp
 
     def _ask_parameters(self, stamp: Stamp) -> Iterator[Send]:
         for name, (at, attempt) in list(self._asked.items()):
