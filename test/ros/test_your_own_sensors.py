@@ -381,10 +381,16 @@ DRIVERS: dict[str, Driver] = {
     "/odometry/filtered": Driver(lambda: Odometry, 10, 30.0, filtered),
 }
 """By topic. Fields in gauss, in shares of the earth's field, and of MAVROS a thousand times its milligauss."""
-TURNED = {
-    "/vectornav/imu": Driver(lambda: Imu, 10, 200.0, lambda t, at: imu(t, at, enu_of_vectornav, "vectornav", 0.0))
+OF_ROWS = {
+    "use_enu: true": {
+        "/vectornav/imu": Driver(lambda: Imu, 10, 200.0, lambda t, at: imu(t, at, enu_of_vectornav, "vectornav", 0.0))
+    },
+    "microstrain": {
+        "/imu/data": Driver(lambda: Imu, 100, 100.0, lambda t, at: imu(t, at, half_turn, "imu_link", 0.01)),
+        "/imu/mag": Driver(lambda: MagneticField, 100, 25.0, lambda t, _: field(t, half_turn, 1e-4)),
+    },
 }
-"""The same driver with `use_enu: true`."""
+"""By a word of the row, drivers of topics that another row has too; of MicroStrain by its publishers.cpp."""
 OTHERS = {
     "dvl": "-p input.velocity:=odometry -r dvl/odometry:=/waterlinked_dvl_driver/odom",
     "imu": "-r imu/data_raw:=/vectornav/imu",
@@ -517,7 +523,7 @@ def node_of(graph: Graph, kind: type) -> Any:
 def test_each_row_and_line_has_its_publisher() -> None:
     named = set(re.findall(r":=(/[\w/]+)", " ".join([*(row["words"] for row in ROWS), *LINES])))
     assert named == set(DRIVERS)
-    assert len(ROWS) == 16
+    assert len(ROWS) == 17
     assert len(LINES) == 3
 
 
@@ -532,7 +538,7 @@ def test_the_navigator_follows_the_truth_by_a_publisher_of_others(
     name = row["sensor"].partition(":")[0]
     others = [words for sensor, words in OTHERS.items() if sensor != name]
     compass = "imu/mag" in row["words"]
-    drivers = DRIVERS | (TURNED if "use_enu: true" in row["who"] else {})
+    drivers = DRIVERS | next((of for word, of in OF_ROWS.items() if word in row["who"]), {})
     graph = graph_of(" ".join([row["words"], *others]), row["sensor"], drivers)
     graph.make()
     navigator, states = node_of(graph, NavigatorNode), list[Stamped[Navigation]]()
