@@ -21,7 +21,7 @@ from hindrax_ident.arrays import array
 from hindrax_ident.assess.objections import Code, Objection
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_laboratory.benchmark.foreign_plants import AS_THE_COMMAND, PLANTS, Fluid, read, recorded, write
-from hindrax_tools.uncertainty.foreign_verdicts import Score, scores, summary
+from hindrax_tools.uncertainty.foreign_verdicts import Score, live_distances, scores, summary
 
 RECORDS = Path(__file__).parent / "foreign_records"
 FALSE = ("dead band", "friction of the tether", "sag", "current")
@@ -139,3 +139,13 @@ def test_without_the_wheel_one_sentence_is_said() -> None:
     else:
         with pytest.raises(UsageError, match="needs the package `mujoco`"):
             Fluid(PLANTS[1])
+
+
+@pytest.mark.parametrize("name", ["small-steps-1", "slender-pilot-1"])
+def test_live_estimates_are_within_their_intervals_though_other_axes_are_flown(name: str) -> None:
+    """They were 21 +- 18 times the drag of surge, and -18 +- 0.3 times that of roll, which a controller held."""
+    found = live_distances(read(RECORDS / f"{name}.npz"))
+    assert len(found) == 6
+    far = np.abs([off for one in found.values() for off in one])
+    assert far.max() < 3.0, found
+    assert np.mean(far < 2.0) > 0.9, found

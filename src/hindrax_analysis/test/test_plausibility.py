@@ -8,7 +8,6 @@ import pytest
 from hindrax_analysis.records.plausibility import (
     INERTIA_SHARE,
     is_grave,
-    not_driven,
     turned_by,
     with_inertia_uncertainty,
     with_plausibility_check,
@@ -16,7 +15,7 @@ from hindrax_analysis.records.plausibility import (
 )
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import array
 from hindrax_ident.assess.objections import Code
 from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number
 
@@ -51,38 +50,6 @@ def test_a_net_buoyancy_of_the_other_sign_tells_of_axes_that_point_up(share: flo
     told = with_weight_check(replace(turned("heave_down"), coefficients={"b": found}), BOX).warnings
     assert [one.code for one in told] == [Code.OTHER_WEIGHT] * warned
     assert ("--frame flu" in " ".join(map(str, told))) == axes
-
-
-def rolled(thrust: Array, v: Array) -> Recording:
-    """A record of roll, at 20 Hz."""
-    t = array(0.05 * np.arange(len(v)))
-    velocity, wrench = np.full((len(t), 6), np.nan), np.zeros((len(t), 6))
-    velocity[:, 3], wrench[:, 3] = v, thrust
-    return Recording("made", t, velocity, t, wrench, np.zeros(0), np.zeros((0, 3)))
-
-
-@pytest.mark.parametrize(
-    ("sign", "hold_Nms", "code"),
-    [
-        (1.0, 0.0, Code.NONE),
-        (-1.0, 0.0, Code.AGAINST_THRUST),
-        (1.0, 6.0, Code.BRAKED_BY_THRUST),
-        (1.0, 0.5, Code.BRAKED_BY_THRUST),
-    ],
-)
-def test_thrust_that_answers_a_motion_drives_it_not_and_has_no_wrong_sign(
-    sign: float, hold_Nms: float, code: Code
-) -> None:
-    """Waves of 2 N m roll it: a controller that damps them pushes against the motion, a wrong sign follows it."""
-    rng, v, speeds, forces = np.random.default_rng(5), 0.0, [], []
-    waves = 2.0 * np.sin(0.9 * 0.05 * np.arange(2400)) + rng.normal(0.0, 0.1, 2400)
-    pushes = np.repeat(rng.uniform(-3.0, 3.0, 60), 40) * (hold_Nms == 0.0)
-    for wave, push in zip((waves * (hold_Nms > 0.0)).tolist(), pushes.tolist(), strict=True):
-        force = push - hold_Nms * v
-        speeds.append(v + float(rng.normal(0.0, 0.003)))
-        forces.append(sign * force)
-        v += 0.05 * (force + wave - 1.5 * v) / 0.9
-    assert not_driven([rolled(array(forces), array(speeds))], 3).code is code
 
 
 @pytest.mark.parametrize(("share", "implausible"), [(0.2, True), (0.4, True), (0.8, False), (30.0, False)])

@@ -434,7 +434,7 @@ def _identify_recordings(
     turned = plausibility.turned_by(recordings)
     for axis, usable in usable_on.items():
         if usable:
-            motions |= _plausible(found[axis], vehicle, axis, plausibility.not_driven(usable, axis), turned)
+            motions |= _plausible(found[axis], vehicle, axis, turned)
             assessments |= found[axis].assessments
         elif task.axes or any(has_signal(one, axis) for one in recordings):
             motions |= _skipped(recordings[0], axis, against)
@@ -448,15 +448,12 @@ def _identify_recordings(
     return Identified(Outcome(results, assessments), results, mock=False, traces=traces)
 
 
-def _plausible(
-    outcome: Outcome, vehicle: Vehicle, axis: int, not_driven: Objection, turned: Objection
-) -> dict[str, MotionResult]:
+def _plausible(outcome: Outcome, vehicle: Vehicle, axis: int, turned: Objection) -> dict[str, MotionResult]:
     """Motions of an axis with what speaks against them; a sensor that is turned a little is a warning."""
     turned = turned if axis in HORIZONTAL else NO_OBJECTION
     grave = turned if plausibility.is_grave(turned) else NO_OBJECTION
     found = {
-        name: plausibility.with_plausibility_check(one, vehicle, not_driven or grave)
-        for name, one in outcome.results.motions.items()
+        name: plausibility.with_plausibility_check(one, vehicle, grave) for name, one in outcome.results.motions.items()
     }
     if turned and not grave:
         found = {name: replace(one, warnings=(*one.warnings, turned)) for name, one in found.items()}

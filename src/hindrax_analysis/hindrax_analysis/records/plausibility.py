@@ -11,10 +11,11 @@ from hindrax_analysis.records.recording import Recording
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.objections import CAUSES, NO_OBJECTION, Code, Objection, objection
+from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objection
 from hindrax_ident.assess.results import Contribution, MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, rigid_mass
 from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.records.driven import USUAL_S
 
 DRAG_COEFFICIENTS = (0.03, 100.0)
 """Range for bodies of any shape, on the area of the volume; at low speeds, with linear drag, they are large [-]."""
@@ -24,21 +25,12 @@ SURELY = 2.0
 """Deviations by which a number is beyond its range: of a motion that hardly was, it may be any."""
 FASTEST = (10.0, 12.0)
 """Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
-OF_FITS = (
-    *(Code.SMOOTHED_VELOCITY, Code.MEAN_VELOCITY, Code.PERHAPS_SMOOTHED),
-    *(Code.UNEVEN_LAG, Code.RAMPING_THRUST),
-)
 CONTRADICTED, LEAST_OFF = 3.0, 0.005
 """Least difference of the net buoyancy that is reported: in its deviations, and as a share of the weight."""
 INERTIA_SHARE = 0.3
 """Standard deviation of a body's moment of inertia about that of a homogeneous box [-]. Published ones of one BlueROV2
 differ by as much."""
 INERTIA_REMEDY = "name inertia_kgm2 in the vehicle file; a pendulum measures it"
-USUAL_S = 0.7
-"""Usual time constant of a small vehicle."""
-AGAINST, ANSWERS = -0.6, 0.05
-"""Correlation of velocity and thrust below which the sign of the thrust is wrong; and how much weaker it is behind the
-lag of a vehicle than at once where the thrust follows the velocity, as that of a controller which damps it."""
 FEWEST_PLANAR, LEAST_PUSH, COHERENT = 50, 0.2, 0.7
 """Fewest velocities of surge and sway, least thrust along one in that along the other, and least share of the velocity
 that follows the thrust: 0.92 to 0.97 of nine records of three vehicles in MuJoCo's fluid, turned by 3 deg at most."""
@@ -46,39 +38,6 @@ TURNED_deg, HALF_deg = (8.0, 20.0), 150.0
 """Angles from which it is a warning, and from which nothing is identified; and beyond which it is a wrong sign."""
 STRAIGHT_radps = 0.15
 """Yaw rate from which the vehicle turns."""
-DELAYS_S, BRAKED = (0.0, 0.1, 0.2, 0.3), -0.1
-"""Usual delays of a motion behind its command, and the correlation of both below which the thrust takes energy out of
-the motion. At the best delay it was 0.27 and more of 40 motions of three vehicles that were flown, and -0.15 and less
-of 12 that a controller held."""
-
-
-def not_driven(recordings: Sequence[Recording], axis: int) -> Objection:
-    """What speaks against a result because the thrust does not drive the motion.
-
-    Where a controller holds an axis, other forces move it, and the thrust answers. A fit takes one for the other: with
-    a delay of half a period an answer that brakes looks like a push, and its drag was ten times the true one.
-
-    Parameters
-    ----------
-    recordings
-        All that hold the axis.
-    axis
-        Index, 0 to 5.
-
-    Returns
-    -------
-    Objection
-        To a motion opposite to the thrust, and to one that the thrust brakes; otherwise none.
-    """
-    lags_s, delays_s = (USUAL_S, *(0.0 for _ in DELAYS_S)), (0.0, *DELAYS_S)
-    rows = [_velocity_and_thrusts(one, axis, lags_s, delays_s) for one in recordings]
-    columns = np.concatenate([np.zeros((0, 1 + len(lags_s))), *rows])
-    if not len(columns) or np.ptp(columns, axis=0).min() == 0.0:
-        return NO_OBJECTION
-    moved, at_once, *later = np.corrcoef(columns.T)[0, 1:].tolist()
-    if moved <= AGAINST and moved <= at_once + ANSWERS:
-        return objection(Code.AGAINST_THRUST)
-    return objection(Code.BRAKED_BY_THRUST) if max(at_once, *later) < BRAKED else NO_OBJECTION
 
 
 def turned_by(recordings: Sequence[Recording]) -> Objection:
@@ -139,18 +98,6 @@ def _yaw_rates(recording: Recording, t: Array) -> Array:
     return array(np.interp(t, recording.velocity_t[known], rates)) if known.any() else np.zeros(len(t))
 
 
-def _velocity_and_thrusts(recording: Recording, axis: int, lags_s: Sequence[float], delays_s: Sequence[float]) -> Array:
-    """Velocities [m/s, rad/s], and thrust at their times behind each lag and delay [N, N m]: (n, 1 + k)."""
-    commanded, moved = np.isfinite(recording.wrench[:, axis]), np.isfinite(recording.velocity[:, axis])
-    if not commanded.any() or not moved.any():
-        return np.zeros((0, 1 + len(lags_s)))
-    times, commands, t = recording.wrench_t[commanded], recording.wrench[commanded, axis], recording.velocity_t[moved]
-    thrusts = [
-        LaggedThrust(times, commands, lag_s).force(t - delay_s) for lag_s, delay_s in zip(lags_s, delays_s, strict=True)
-    ]
-    return np.column_stack([recording.velocity[moved, axis], *thrusts])
-
-
 def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Objection = NO_OBJECTION) -> MotionResult:
     """Add what is implausible of a result to its reasons.
 
@@ -170,11 +117,7 @@ def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Obj
     """
     found = _implausibilities(result, vehicle) if result.coefficients else []
     reasons = [*found, against] if against else found
-    if not reasons:
-        return result
-    # What the residuals of such a fit resemble is no cause.
-    warnings = tuple(one for one in result.warnings if one.code not in (*CAUSES, *OF_FITS))
-    return replace(result, identifiable=False, reasons=(*result.reasons, *reasons), warnings=warnings)
+    return result.refused_for(*reasons) if reasons else result
 
 
 def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:

@@ -84,6 +84,11 @@ class Code(StrEnum):
 
 CAUSES = (Code.EVIDENCE, Code.UNEXPLAINED_RESIDUALS)
 """Warnings by what the residuals of the record hold; `numbers` name the nearest `influence`."""
+OF_FITS = (
+    *(Code.SMOOTHED_VELOCITY, Code.MEAN_VELOCITY, Code.PERHAPS_SMOOTHED),
+    *(Code.UNEVEN_LAG, Code.RAMPING_THRUST),
+)
+"""Warnings by what a fit found of instrument and thrust."""
 
 
 _OTHER_LAW = "other forces than drag act, or the thrust obeys another law than recorded"

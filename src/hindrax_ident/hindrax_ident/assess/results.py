@@ -11,7 +11,7 @@ import numpy as np
 
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.objections import Objection, to_json
+from hindrax_ident.assess.objections import CAUSES, OF_FITS, Objection, to_json
 from hindrax_ident.model.motion_model import MOTIONS, offset, restoring
 from hindrax_ident.remedies import Remedy
 
@@ -189,6 +189,11 @@ class MotionResult:
     """For the drag at the highest speed."""
     warnings: tuple[Objection, ...] = ()
     """Influences that the record shows, and what else must be known before the result is used."""
+
+    def refused_for(self, *reasons: Objection) -> MotionResult:
+        """Not identifiable for these reasons beside its own; what the residuals of such a fit resemble is no cause."""
+        warnings = tuple(one for one in self.warnings if one.code not in (*CAUSES, *OF_FITS))
+        return replace(self, identifiable=False, reasons=(*self.reasons, *reasons), warnings=warnings)
 
     def value(self, name: str) -> float:
         """Value of a coefficient; NaN where missing."""

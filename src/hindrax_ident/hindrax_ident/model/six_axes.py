@@ -212,8 +212,21 @@ def _cross_flow(vehicle: Vehicle, axis: int, across: int) -> Term:
     return Term(f"{FORCES[axis]}_{LETTERS[axis]}|{LETTERS[across]}|", CROSS, 0.0, sigma, unit, force, least=0.0)
 
 
-def _whole_speed(vehicle: Vehicle, axis: int) -> Term:
-    """Drag that grows with the whole speed (or turn), beyond that of the own axis: cross flow."""
+def whole_speed(vehicle: Vehicle, axis: int) -> Term:
+    """Drag that grows with the whole speed (or turn), beyond that of the own axis: cross flow.
+
+    Parameters
+    ----------
+    vehicle
+        Of which its prior is made.
+    axis
+        Index, 0 to 5.
+
+    Returns
+    -------
+    Term
+        Along the axis.
+    """
     kind = slice(0, 3) if axis < 3 else slice(3, 6)
 
     def force(s: State) -> Forces:
@@ -278,6 +291,30 @@ def _doubts(vehicle: Vehicle, axis: int, scales: Scales, gain_sigma: float, drag
     ]
 
 
+def cross_terms(vehicle: Vehicle, axis: int) -> list[Term]:
+    """Terms by which motion along other axes acts on one, that of its whole speed left out: an axis has its own for it.
+
+    Products of inertia of two other axes act only as the body turns, and of those a hull with port alike starboard has
+    but some.
+
+    Parameters
+    ----------
+    vehicle
+        Of which priors are made.
+    axis
+        Index, 0 to 5.
+
+    Returns
+    -------
+    list[Term]
+        Off-diagonal masses, lift and the like.
+    """
+    pairs = [(i, j) for j in range(6) for i in range(j) if axis in (i, j) or (j - i) % 2 == 0]
+    turning = [_turn_by_speed(vehicle, axis)] if axis >= 3 else []
+    products = [_product(vehicle, *one) for one in _PRODUCTS if one[0] == axis]
+    return [*(_mass_term(vehicle, *one) for one in pairs), *turning, *products]
+
+
 def terms_of(vehicle: Vehicle, axes: tuple[int, ...], scales: Scales, gain_sigma: float, drags: Array) -> list[Term]:
     """Terms of the axes that were measured: their own, doubts, and those that the record may admit.
 
@@ -303,7 +340,7 @@ def terms_of(vehicle: Vehicle, axes: tuple[int, ...], scales: Scales, gain_sigma
     out += [term for axis in axes for term in _standing_terms(vehicle, axis)]
     out += [term for axis in axes for term in _doubts(vehicle, axis, scales, gain_sigma, float(drags[axis]))]
     out += [_mass_term(vehicle, i, j) for i in axes for j in axes if i < j]
-    out += [_whole_speed(vehicle, axis) for axis in axes]
+    out += [whole_speed(vehicle, axis) for axis in axes]
     out += [_turn_by_speed(vehicle, axis) for axis in axes if axis >= 3]
     out += [_cross_flow(vehicle, i, j) for i in axes for j in axes if i != j and max(i, j) < 3]
     return out + [_product(vehicle, *one) for one in _PRODUCTS if set(one) <= set(axes)]

@@ -9,8 +9,9 @@ A velocity goes through these, in this order, and each says in its own module wh
     estimate                    q, g and their covariance                          Rls.update
 
 Symbols. theta (p,) the model's parameters, M the last of them; q = (theta / M, 1 / M), in which the row is linear; g
-the m coefficients of the shapes of the thrust's delay, the last GOES of thrust that goes by another lag than it comes;
-n = p + m, where the lag is known p, less one where the mass is fixed. Rows have the noise of one velocity, whose
+the m coefficients of the shapes of the thrust's delay, the last GOES of thrust that goes by another lag than it comes,
+and after them those of what the other axes do, where they are not held; n = p + m, where the lag is known p, less one
+where the mass is fixed. Rows have the noise of one velocity, whose
 variance s^2 is estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
 
 What least squares does not know is told when the estimate is asked for (`estimate`): color of the residuals and what
@@ -22,7 +23,9 @@ differs between parts of the run (`_measured_widening`), that the shapes are tho
 import itertools
 import math
 from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -31,6 +34,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.autoregression import Correlator
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import INCIDENCE, LEAST_SPEED, Model
+from hindrax_ident.online.cross_forces import CrossForces
 from hindrax_ident.online.filtered_regression import (
     FilteredRegression,
     RowWhitener,
@@ -43,6 +47,7 @@ from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.lag_and_delay import GOES, conditioned, settled, thruster
 from hindrax_ident.online.rls import Rls
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
+from hindrax_ident.records.axis_record import Samples
 from hindrax_ident.records.binning import DEPTH_S
 from hindrax_ident.tuning import LAG_DIFFERENCE_S, LAG_SIGMA_S, USUAL_LAG_S, Tuning
 
@@ -69,7 +74,9 @@ LEAST_LAG_S = 0.1
 DELAYS_AFTER_S = 5.0
 """Time of learning after which the delays found are looked at; again after twice of it, and so on."""
 LAST_LOOK_S = 25.0
-"""Time of learning after which more is lost by a new beginning than by delays that are a little off."""
+"""Time of learning after which nobody looks any more: delays that are a little off cost less than learning again."""
+MOST_REMEMBERED = 30_000
+"""Inputs that are kept until then, to be learned from again; of a vehicle that hardly ever moves there may be more."""
 OFF_S, CLEARLY = 0.03, 2.0
 """Change of lag or latency that is worth to begin anew, at least and in its standard deviations."""
 MEAN_KNOWN_S = 0.05
@@ -79,10 +86,12 @@ TOO_LATE_S = 0.003
 its cause. With 50 ms assumed of punctual velocities yaw's inertia was 6 % too small."""
 MOST_LATE_S = 1.0
 """Longest lag or latency that is followed: more is another defect."""
-PRIOR_KEPT = 10.0
-"""Standard deviations of an estimate with wrong delays that are left of it as a prior: it was off by up to six."""
 MOST_OUTLIERS_IN_A_ROW = 20
 """Consecutive outliers after which samples are accepted again: then the estimate is wrong, not the samples."""
+
+
+Input: TypeAlias = "Callable[[AxisEstimator], SampleVerdict | None]"
+"""Gives it to an estimator; the verdict is that of a velocity."""
 
 
 class AxisEstimator:
@@ -97,35 +106,39 @@ class AxisEstimator:
         usual_lag_s: float = USUAL_LAG_S,
         *,
         shapes: int = SHAPES,
+        cross: CrossForces | None = None,
     ) -> None:
         """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated.
 
         Otherwise the delay of the thrust is estimated too, about `usual_lag_s` and no latency. With 0 `shapes`, `lag_s`
-        is taken for the truth, as the joint filter always does.
+        is taken for the truth, as the joint filter always does. `cross`: what the other axes do, None where they are
+        held.
         """
-        self.model, self._tuning = model, tuning
+        self.model, self._tuning, self._cross = model, tuning, cross
         self._fixed_mass = float(prior.values[-1]) if tuning.plateaus_only else 0.0
         self._shapes = 0 if self._fixed_mass else shapes
         self._known_after = KNOWN_AFTER * (len(model.names) - bool(self._fixed_mass))
         self._lag_s = lag_s
-        self._learned_s, self._look_s = 0.0, DELAYS_AFTER_S
-        self._begin(prior, usual_lag_s if self._shapes else lag_s, 0.0)
-        self._inputs: deque[tuple[float, str, float]] = deque()
-        self._thrusts: deque[tuple[float, str, float]] = deque()
-        self._thrust_s = math.nan
-        self._outliers = 0
+        self._prior = prior
+        self._look_s = DELAYS_AFTER_S
+        # What came so far, to be learned from again with other delays; None: nobody looks for them any more.
+        self._past: Samples[Input] | None = Samples() if self._shapes else None
+        self._begin(usual_lag_s if self._shapes else lag_s, 0.0)
 
-    def _begin(self, prior: Prior, lag_s: float, late_s: float) -> None:
-        """Begin to learn from a prior, with this lag of the thrust, and velocities late by so much.
+    def _begin(self, lag_s: float, late_s: float) -> None:
+        """Begin to learn from the prior, with this lag of the thrust, and velocities late by so much.
 
         Deviations are in units of `NOISE`, as `Rls` wants them. The shapes are zero but for delays that differ from
         those assumed: a delay of d makes their k-th coefficient about d^k / M.
         """
-        tuning, model = self._tuning, self.model
-        self._prior = prior
+        tuning, model, prior = self._tuning, self.model, self._prior
+        self._inputs: deque[tuple[float, str, float | Sequence[float]]] = deque()
+        self._thrusts: deque[tuple[float, str, float]] = deque()
+        self._thrust_s = math.nan
+        self._outliers, self._learned_s = 0, 0.0
         lag_s = max(LEAST_LAG_S, lag_s) if self._shapes else lag_s
         self._late_s = late_s
-        self.regression = FilteredRegression(model, lag_s, tuning.filter_rate, self._shapes)
+        self.regression = FilteredRegression(model, lag_s, tuning.filter_rate, self._shapes, self._cross)
         # Without any, the noise of the first samples would choose the direction: heave begins at rest.
         self.regression.noise_variance = NOISE**2
         scaled_values, covariance = scaled(prior.values.tolist(), np.diag(prior.sigmas**2))
@@ -135,8 +148,9 @@ class AxisEstimator:
         delay_sigma_s = math.sqrt(2.0) * (tuning.lag_doubt_s or LAG_SIGMA_S)
         delay_sigmas = [delay_sigma_s**order for order in range(1, self._shapes + 1)]
         delay_sigmas += [LAG_DIFFERENCE_S * delay_sigma_s**order for order in range(GOES)] * bool(self._shapes)
-        sigmas += [one * values[-1] / NOISE for one in delay_sigmas]
-        values += [0.0] * len(delay_sigmas)
+        cross_sigmas = [1.0] * (len(self._cross) if self._cross else 0)
+        sigmas += [one * values[-1] / NOISE for one in (*delay_sigmas, *cross_sigmas)]
+        values += [0.0] * (len(delay_sigmas) + len(cross_sigmas))
         self._rls = Rls(values, sigmas, tuning.forgetting)
         self._whitener = RowWhitener(len(values) + 1 + model.turns, lag_s, float(prior.values[-1]))
         # Sum over the rows of x times the column of the drag by incidence, and the highest speed: `_by_incidence`.
@@ -149,7 +163,7 @@ class AxisEstimator:
         self._length = SHORTEST_BLOCK
         # What the last block of samples told: how much parts of the run differ, and lag and delay of the thrust.
         self._widening: Array = np.ones((len(values),) * 2)
-        self._delay_columns = slice(len(model.names), len(values))
+        self._delay_columns = slice(len(model.names), len(model.names) + len(delay_sigmas))
         usual_s = array(np.array([lag_s, 0.0, 0.0]))
         self._thruster = thruster(usual_s, lag_s, self._shapes + GOES) if self._shapes else None
 
@@ -157,9 +171,8 @@ class AxisEstimator:
         """Lag and latency to begin anew with, where they are known, and clearly others than those assumed [s].
 
         A filter with wrong ones describes the thrust by shapes that it has to estimate, and by too few of them: worth a
-        new beginning only if the change is clear, and early, because the rows of before cannot be filtered again. Of a
-        delay much longer than the filter's lag the shapes tell the sum with the lag better than its parts; the latency
-        is then that which is left by the longer of both lags.
+        new beginning if the change is clear. Of a delay much longer than the filter's lag the shapes tell the sum with
+        the lag better than its parts; the latency is then that which is left by the longer of both lags.
         """
         values, covariance = np.array(self._rls.values), self._covariance()
         if self._thruster is None or not self._tells_delays(values, covariance):
@@ -208,6 +221,7 @@ class AxisEstimator:
         effort : [N^2, N^2 m^2]
             Sum of the squared parts of the thrusters, as in a record; None: that of a single thruster.
         """
+        self._remember(lambda one: one.thrust(t_s, force, effort))
         if self._filter:
             self._inputs.append((t_s, "thrust", force))
         self._thrusts.append((t_s, "thrust", force))
@@ -215,11 +229,19 @@ class AxisEstimator:
 
     def known(self, t_s: float, force: float) -> None:
         """Known force from this time on."""
+        self._remember(lambda one: one.known(t_s, force))
         self._inputs.append((t_s, "known", force))
 
     def position(self, t_s: float, position: float) -> None:
         """Angle, for the restoring moment, or depth."""
+        self._remember(lambda one: one.position(t_s, position))
         self._inputs.append((t_s, "position", position))
+
+    def others(self, t_s: float, nu: Sequence[float]) -> None:
+        """Velocities of all axes from this time on, for what the others do (6,) [m/s, rad/s]."""
+        if self._cross:
+            self._remember(lambda one: one.others(t_s, nu))
+            self._inputs.append((t_s, "others", nu))
 
     def across(self, t_s: float, speed: float, by_areas: float = 0.0) -> None:
         """Speed across the axis from this time on.
@@ -233,9 +255,17 @@ class AxisEstimator:
         by_areas : [m/s]
             Weighted by areas, for the drag by incidence (`motion_model.areas_across`).
         """
+        self._remember(lambda one: one.across(t_s, speed, by_areas))
         self._inputs.append((t_s, "across", speed))
         if self.model.turns:
             self._inputs.append((t_s, "areas", by_areas))
+
+    def _remember(self, given: Input) -> None:
+        """Keep an input, as long as it may be wanted again."""
+        if self._past is not None:
+            self._past.append(given)
+            if len(self._past) > MOST_REMEMBERED or self._learned_s > LAST_LOOK_S:
+                self._past = None
 
     def _apply_inputs_until(self, t_s: float) -> None:
         """Apply inputs up to this time: velocities are means, so they are older than inputs received with them."""
@@ -250,7 +280,7 @@ class AxisEstimator:
             first.popleft()
             if first is thrusts or kind != "thrust":
                 getattr(self._whitener if kind == "effort" else self.regression, kind)(acts_s, value)
-            if self._filter and first is inputs and kind != "areas":
+            if self._filter and first is inputs and kind not in ("areas", "others"):
                 getattr(self._filter, kind)(at_s, value)
             if kind == "effort":
                 self._thrust_s = at_s
@@ -281,6 +311,7 @@ class AxisEstimator:
         SampleVerdict
             Whether it was learned from; the reason where not, the innovation where it was.
         """
+        self._remember(lambda one: one.velocity(t_s, v, refusal, derived=derived))
         regression, tuning = self.regression, self._tuning
         self._apply_inputs_until(t_s)
         pause = t_s - regression.velocity_time_s
@@ -305,24 +336,39 @@ class AxisEstimator:
         verdict = self._learn(sample, t_s, derived=derived)
         self._learned_s += pause
         # Differences of positions are too seldom to tell a delay better than the shapes describe it.
-        if self._shapes and not derived and self._look_s < self._learned_s < LAST_LOOK_S:
+        if self._past is not None and not derived and self._learned_s > self._look_s:
             self._look_s *= 2.0
             delays_s = self._other_delays_s()
             if delays_s:
-                theta, covariance = self.estimate()
-                sigmas = np.minimum(self._prior.sigmas, PRIOR_KEPT * np.sqrt(np.diag(covariance)))
-                self._begin(Prior(theta, sigmas), *delays_s)
+                return self._learn_again(*delays_s)
+        return verdict
+
+    def _learn_again(self, lag_s: float, late_s: float) -> SampleVerdict:
+        """Begin anew with other delays, and learn from all that came so far; the verdict on the last velocity."""
+        past, self._past = self._past or Samples(), None
+        self._begin(lag_s, late_s)
+        verdict = SampleVerdict()
+        for give in past:
+            verdict = give(self) or verdict
+        self._past = past
         return verdict
 
     def _summed(self, sample: Sample, pause: float) -> Sample:
         """Leaky integral of the rows, which turns differences of measured positions back into positions."""
         keep = math.exp(-pause / SUMMED_S)
-        row = (*sample.x, *sample.shapes, sample.y, *sample.incidence)
+        row = (*sample.x, *sample.shapes, *sample.cross, sample.y, *sample.incidence)
         past = self._sum or (0.0,) * len(row)
         self._sum = tuple(keep * old + new for old, new in zip(past, row, strict=True))
-        columns, y = len(sample.x), len(sample.x) + len(sample.shapes)
-        x, shapes, incidence = self._sum[:columns], self._sum[columns:y], self._sum[y + 1 :]
-        return replace(sample, x=x, shapes=shapes, y=self._sum[y], incidence=incidence)
+        columns = len(sample.x)
+        delays = columns + len(sample.shapes)
+        y = delays + len(sample.cross)
+        x, shapes, cross, incidence = (
+            self._sum[:columns],
+            self._sum[columns:delays],
+            self._sum[delays:y],
+            self._sum[y + 1 :],
+        )
+        return replace(sample, x=x, shapes=shapes, cross=cross, y=self._sum[y], incidence=incidence)
 
     def _refusal(self, sample: Sample | None, pause_s: float, age_s: float) -> Coded[NotLearned]:
         if math.isnan(age_s):
@@ -341,7 +387,7 @@ class AxisEstimator:
         velocities are summed instead of whitened: their noise is that of a difference, not of a disturbance. An outlier
         leaves no trace, neither in the filters nor in the whitening; so nothing is updated before it is judged.
         """
-        x, y, incidence = (*sample.x, *sample.shapes), sample.y, sample.incidence
+        x, y, incidence = (*sample.x, *sample.shapes, *sample.cross), sample.y, sample.incidence
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
         scale = 1.0
@@ -358,7 +404,7 @@ class AxisEstimator:
             # The noise of a velocity is in x as well as in y, which would bias the estimate: subtract from x what the
             # unexpected part of the velocity, the innovation, has added to it. Not before the estimate is known, when
             # an innovation is mostly its error.
-            slopes = (*sample.slope, *(0.0 for _ in sample.shapes))
+            slopes = (*sample.slope, *(0.0 for _ in (*sample.shapes, *sample.cross)))
             x = tuple(value - scale**2 * slope * innovation for value, slope in zip(x, slopes, strict=False))
         self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
@@ -432,7 +478,7 @@ class AxisEstimator:
             return self._with_fixed_mass(values, covariance)
         p = len(self.model.names)
         if self._thruster:
-            values, covariance = self._with_usual_lags(values, covariance)
+            values, covariance = self._with_all_priors(values, covariance)
             left_out = self._left_out(values, covariance)
             if self._tells_delays(values, covariance):
                 values, covariance = conditioned(values, covariance, self._delay_columns, self._thruster).estimate
@@ -444,17 +490,21 @@ class AxisEstimator:
         """That of the unknowns of least squares, as wide as parts of the run differ: (n, n)."""
         return array(self._rls.unit_covariance * self._noise_variance * self._widening)
 
-    def _with_usual_lags(self, values: Array, covariance: Array) -> tuple[Array, Array]:
-        """Estimate and covariance, (n,) and (n, n), by all that is known before of how much lags differ.
+    def _with_all_priors(self, values: Array, covariance: Array) -> tuple[Array, Array]:
+        """Estimate and covariance, (n,) and (n, n), by all that is known before of lags that differ and of other axes.
 
         Least squares began with it in units of `NOISE`. Where forces that nobody knows make the noise larger, it would
         count less just where it is needed: they look like thrust that goes half a second later.
         """
-        usual = LAG_DIFFERENCE_S * float(values[len(self.model.names) - 1])
         lacking = max(0.0, 1.0 - NOISE**2 / self._noise_variance)
-        along = covariance[:, -GOES]
-        gain = along * lacking / (usual**2 + lacking * along[-GOES])
-        return array(values - gain * values[-GOES]), array(covariance - np.outer(gain, along))
+        if not lacking > 0.0:
+            return values, covariance
+        after = self._delay_columns.stop
+        at = [after - GOES, *range(after, len(values))]
+        usual = float(values[len(self.model.names) - 1]) * np.array([LAG_DIFFERENCE_S, *[1.0] * (len(at) - 1)])
+        along = covariance[:, at]
+        gain = np.linalg.solve(along[at] + np.diag(usual**2 / lacking), along.T).T
+        return array(values - gain @ values[at]), array(covariance - gain @ along.T)
 
     def _left_out(self, values: Array, covariance: Array) -> Array:
         """Covariance for the shapes of the delay beyond the last: (n, n).

@@ -2,7 +2,6 @@
 
 import math
 from operator import mul
-from typing import TypeVar
 
 import numpy as np
 
@@ -25,10 +24,12 @@ from hindrax_ident.model.motion_model import (
     weights_across,
 )
 from hindrax_ident.online.axis_estimator import AxisEstimator
-from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict
+from hindrax_ident.online.cross_forces import CrossForces
+from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.axis_record import (
     NO_FORCES,
     Record,
+    Samples,
     Series,
     Stretch,
     ThrusterForces,
@@ -36,6 +37,7 @@ from hindrax_ident.records.axis_record import (
     series,
 )
 from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, SONAR, WAY_S, Bin, SourceSelector, mean
+from hindrax_ident.records.driven import RunningDrive
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 ANGLE_S = 0.5
@@ -44,20 +46,15 @@ LONGEST_DIFFERENCE_S = 0.5
 """Longest time between depths that give a velocity; between ways in proportion."""
 DEEPEST_m = 12e3
 """Depths beyond this are no measurements: the oceans end before."""
-SampleT = TypeVar("SampleT")
-
-
-class Samples(list[SampleT]):
-    """Samples in time order, none of which changes: a deep copy shares them, so that one of hours takes no time."""
-
-    def __deepcopy__(self, _memo: object) -> "Samples[SampleT]":
-        return Samples(self)
 
 
 class AxisSession:
     """One axis. Times in seconds from the start of the session."""
 
-    def __init__(self, vehicle: Vehicle, model: Model, prior: Prior, tuning: Tuning) -> None:
+    def __init__(
+        self, vehicle: Vehicle, model: Model, prior: Prior, tuning: Tuning, cross: CrossForces | None = None
+    ) -> None:
+        """`cross`: what the other axes do, for the live estimate; None where they are held."""
         self.model, self.prior = model, prior
         self._vehicle, self._tuning = vehicle, tuning
         lag = lag_s(vehicle, model.axis)
@@ -65,7 +62,8 @@ class AxisSession:
         # What the velocities were late by was taken off their stamps where it is known (`feed`).
         latency_s = USUAL_LATENCY_S if tuning.velocity_latency_s is None else 0.0
         self._prior_delays_s = (USUAL_LAG_S if lag is None else lag), latency_s
-        self.estimator = AxisEstimator(model, self.lag_s, prior, tuning, self._prior_delays_s[0])
+        self.estimator = AxisEstimator(model, self.lag_s, prior, tuning, self._prior_delays_s[0], cross=cross)
+        self.drive = RunningDrive() if cross else None
         self._speed_source, self._way_source = SourceSelector(), SourceSelector()
         self._speed_bin = Bin(tuning.bin_s)
         self._position_s = ANGLE_S if model.restores else 0.0
@@ -93,6 +91,8 @@ class AxisSession:
         effort = self._effort(thrust)
         self._efforts.append(effort)
         self.estimator.thrust(t_s, thrust.wrench[self.model.axis], effort)
+        if self.drive:
+            self.drive.thrust(t_s, thrust.wrench[self.model.axis])
 
     def _effort(self, thrust: Thrust) -> float | None:
         """Effort of one thrust, also of thrusters that oppose each other; None where it lacks some forces."""
@@ -138,6 +138,7 @@ class AxisSession:
         self._coriolis = coriolis(axis, masses.values, nu)
         if self.model.crossed:
             self.estimator.across(t_s, math.hypot(*map(mul, self._across, nu)), math.hypot(*map(mul, self._areas, nu)))
+        self.estimator.others(t_s, others)
         self.estimator.known(t_s, self._hydrostatic + self._coriolis)
 
     def velocity(
@@ -168,7 +169,7 @@ class AxisSession:
             return []
         mean_s, mean_v = mean(points)
         self._velocities.setdefault(source, Samples()).append((mean_s, mean_v))
-        return [(mean_s, self.estimator.velocity(mean_s, mean_v, refusal))]
+        return [(mean_s, self._learn(mean_s, mean_v, refusal))]
 
     @property
     def _is_derived(self) -> bool:
@@ -248,13 +249,22 @@ class AxisSession:
             return []
         (earlier_s, higher_m), (later_s, lower_m) = before, self._way_before
         at_s, v = 0.5 * (earlier_s + later_s), (lower_m - higher_m) / (later_s - earlier_s)
-        return [(at_s, self.estimator.velocity(at_s, v, refusal, derived=True))]
+        return [(at_s, self._learn(at_s, v, refusal, derived=True))]
+
+    def _learn(
+        self, t_s: float, v: float, refusal: Coded[NotLearned] = LEARNED, *, derived: bool = False
+    ) -> SampleVerdict:
+        """Nothing is learned while the thrust only answers the motion."""
+        if self.drive:
+            self.drive.velocity(t_s, v)
+            refusal = refusal or not_learned(NotLearned(self.drive.now))
+        return self.estimator.velocity(t_s, v, refusal, derived=derived)
 
     # ---- outputs
 
     def estimate(self, motion: Motion, verdict: SampleVerdict) -> Estimate:
         """Estimate of one motion after a sample; bounds apply to the report, not to the estimator."""
-        theta, covariance = self.estimator.estimate()
+        theta, covariance = self._known()
         reported = self._reported[motion.side]
         values = theta[reported.rows]
         values[reported.mass] -= self.model.rigid
@@ -271,6 +281,12 @@ class AxisSession:
             reason=verdict.reason,
             innovation=verdict.innovation * self.estimator.regression.rate * float(theta[-1]),
         )
+
+    def _known(self) -> tuple[Array, Array]:
+        """Parameters and covariance, (p,) and (p, p): no more than before, while the thrust only answers the motion."""
+        if self.drive and self.drive.now:
+            return array(self.prior.values), array(np.diag(self.prior.sigmas**2))
+        return self.estimator.estimate()
 
     @property
     def wrenches(self) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ import numpy as np
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import LEAST_SPEED, Model
 from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S, LaggedInput
+from hindrax_ident.online.cross_forces import CrossForces
 from hindrax_ident.online.lag_and_delay import GOES
 from hindrax_ident.online.thrust_cascade import ThrustCascade
 
@@ -50,7 +51,8 @@ class Sample:
     `slope` is the derivative of x by this velocity; `speed` is the filtered velocity; `settled`: the initial
     transient of the filters has decayed; `shapes`: columns of what the thrust's delay differs from that of the filter,
     and those of thrust that goes by another lag than it comes (`lag_and_delay`) [N/s, N/s^2, ...; N m/s, ...];
-    `incidence`: where the model `turns` the column of the drag by incidence, which is no unknown [m^2/s].
+    `incidence`: where the model `turns` the column of the drag by incidence, which is no unknown [m^2/s]; `cross`: what
+    motion along the other axes does, where that is estimated (`cross_forces`) [N s, N m s].
     """
 
     x: tuple[float, ...]
@@ -60,21 +62,25 @@ class Sample:
     settled: bool
     shapes: tuple[float, ...] = ()
     incidence: tuple[float, ...] = ()
+    cross: tuple[float, ...] = ()
 
 
 class FilteredRegression:
     """Filters of one axis; inputs in time order (seconds from any origin)."""
 
-    def __init__(self, model: Model, lag_s: float, rate: float, shapes: int = 0) -> None:
+    def __init__(
+        self, model: Model, lag_s: float, rate: float, shapes: int = 0, cross: CrossForces | None = None
+    ) -> None:
         """`rate`: pole of the filters [1/s]; it and `noise_variance` may be changed at any time.
 
-        `shapes`: number of columns for what the delay of the thrust differs from the lag, which needs one above 0.
+        `shapes`: number of columns for what the delay of the thrust differs from the lag, which needs one above 0;
+        `cross`: what the other axes do, None where they are held.
 
         `velocity_time_s`, `thrust_time_s`: times of the last velocity and thrust command; NaN before the first.
         `speed_across` [m/s, rad/s]: the present one; `area_speed` [m/s]: that by the areas of a turned hull.
         """
         self.model, self.rate, self.noise_variance = model, rate, 0.0
-        self.lag_s, self._split, self._shapes = lag_s, model.split, shapes
+        self.lag_s, self._split, self._shapes, self._cross = lag_s, model.split, shapes, cross
         self._thrust = ThrustCascade(1 + shapes)
         # Part of the thrust that goes: all changes toward zero. With it, lags that differ are found.
         self._goes = ThrustCascade(1 + GOES if shapes else 1)
@@ -95,6 +101,8 @@ class FilteredRegression:
         """Undo the last velocity: an outlier would stay in the filters for seconds."""
         self.velocity_time_s, self._z, self._terms, self._sums, self._start, *sign = self._undo
         self._recent, self._before, self._direction = sign
+        if self._cross:
+            self._cross.undo_last()
 
     def thrust(self, t_s: float, force: float) -> None:
         """Force commanded from this time on, before the thrusters' lag [N, N m]."""
@@ -120,6 +128,11 @@ class FilteredRegression:
     def across(self, _t_s: float, speed: float) -> None:
         """Speed across the axis from this time on, for the drag by it [m/s, rad/s]."""
         self.speed_across = speed
+
+    def others(self, _t_s: float, nu: Sequence[float]) -> None:
+        """Velocities of all axes from this time on, for what the others do (6,) [m/s, rad/s]."""
+        if self._cross:
+            self._cross.nu = nu
 
     def areas(self, _t_s: float, speed: float) -> None:
         """Speed across by the areas of a turned hull from this time on, for the drag by incidence [m/s]."""
@@ -152,6 +165,8 @@ class FilteredRegression:
             self._thrust.restart_filter()
             self._goes.restart_filter()
             self._goes.lower(self._goes.command)
+            if self._cross:
+                self._cross.restart(v)
             return None
         self._advance_thrust(t_s)
         before, self.velocity_time_s = self.velocity_time_s, t_s
@@ -166,6 +181,7 @@ class FilteredRegression:
             self._start < SETTLED,
             (*self._thrust.shapes(self.lag_s), *self._goes.shapes(self.lag_s)),
             tuple(sums[terms_of_model:]),
+            tuple(-force for force in self._cross.filtered) if self._cross else (),
         )
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
@@ -211,6 +227,8 @@ class FilteredRegression:
             keep * total + first * was + ramp * now
             for total, was, now in zip(self._sums, self._terms, terms, strict=True)
         ]
+        if self._cross:
+            self._cross.advance(step, (keep, first, ramp), v)
         # A velocity derived from positions has the noise of one of them in common with the velocity before: the sign of
         # the next is that of a mean without this one. A mean of the past comes through zero too late, which would give
         # a part of each direction to the other (heave: 3 % of the buoyancy): so it is extrapolated by its own trend.

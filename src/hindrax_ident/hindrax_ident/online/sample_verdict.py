@@ -20,6 +20,8 @@ class NotLearned(StrEnum):
     SETTLING = "settling"
     OUTLIER = "outlier"
     PHASE = "phase"
+    AGAINST_THRUST = "against_thrust"
+    BRAKED_BY_THRUST = "braked_by_thrust"
 
 
 SENTENCES: Mapping[NotLearned, str] = {
@@ -32,6 +34,8 @@ SENTENCES: Mapping[NotLearned, str] = {
     NotLearned.SETTLING: "the filters are settling",
     NotLearned.OUTLIER: "outlier",
     NotLearned.PHASE: "phase {phase}",
+    NotLearned.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench",
+    NotLearned.BRAKED_BY_THRUST: "its thrust brakes the motion, as of a controller that holds it: push on it",
 }
 """The sentence of each code."""
 LEARNED = coded(SENTENCES, NotLearned.NONE)

@@ -35,6 +35,7 @@ from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGM
 from hindrax_ident.model.model_parameters import OnlineEstimates, crossed, one_sided, uncrossed, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Model, Motion, model_of, motions_of, rigid_mass
 from hindrax_ident.online.axis_session import AxisSession
+from hindrax_ident.online.cross_forces import CrossForces
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, unbroken, usable
 from hindrax_ident.records.excited_time import excited_stretches
@@ -133,17 +134,22 @@ class Session:
         self._masses = self._estimated_masses({})
         motion = self._motion
         if motion and motion.axis not in self._axes:
-            model = self._live_model(motion.axis)
-            self._axes[motion.axis] = AxisSession(self.vehicle, model, wide_prior(self.vehicle, model), self.tuning)
+            model, vehicle = self._live_model(motion.axis), self.vehicle
+            cross = CrossForces(vehicle, model) if self._piloted else None
+            self._axes[motion.axis] = AxisSession(vehicle, model, wide_prior(vehicle, model), self.tuning, cross)
         if motion and self._thrust is not None:
             # An axis that was not active before needs the present thrust.
             self._axes[motion.axis].thrust(t_s, self._thrust)
 
     def _live_model(self, axis: int) -> Model:
-        """Model of the live estimate: in the record of another stack several axes may move at once."""
+        """Model of the live estimate: what moves across an axis slows it down as well."""
         model = model_of(self.vehicle, axis)
-        pilot = self._phase.phase == "excite" and self.tuning.lag_doubt_s is not None
-        return replace(model, crossed=pilot and not model.restores)
+        return replace(model, crossed=self._piloted and not model.restores)
+
+    @property
+    def _piloted(self) -> bool:
+        """Whether this is the record of another stack, in which several axes may move at once."""
+        return self._phase.phase == "excite" and self.tuning.lag_doubt_s is not None
 
     def _on_thrust(self, t_s: float, thrust: Thrust) -> None:
         if not all(abs(force) < STRONGEST for force in thrust.wrench):
@@ -242,7 +248,13 @@ class Session:
             except np.linalg.LinAlgError as error:
                 found = self._unidentified(axis, error)
             motions |= found
-        return Outcome(Results(motions, self.vehicle), assessments)
+        return Outcome(
+            Results({name: self._if_driven(one) for name, one in motions.items()}, self.vehicle), assessments
+        )
+
+    def _if_driven(self, result: MotionResult) -> MotionResult:
+        drive = self._axes[MOTIONS[result.motion].axis].drive
+        return result.refused_for(objection(Code(drive.now))) if drive and drive.now else result
 
     def _unidentified(self, axis: int, error: ValueError) -> dict[str, MotionResult]:
         singular = isinstance(error, np.linalg.LinAlgError)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -30,8 +31,16 @@ SMOOTH_S = 0.4
 BEFORE_BLOCKED_S = 2.0
 """The time before a blocked phase is no free motion either; the pilot reports it after 1.5 s."""
 
+SampleT = TypeVar("SampleT")
 LATER = "goes_later_s", "turns_later_s"
 """Names of both of `Record.later_s` where a result has them."""
+
+
+class Samples(list[SampleT]):
+    """Samples in time order, none of which changes: a deep copy shares them, so that one of hours takes no time."""
+
+    def __deepcopy__(self, _memo: object) -> Samples[SampleT]:
+        return Samples(self)
 
 
 @dataclass(frozen=True, slots=True)
