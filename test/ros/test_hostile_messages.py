@@ -482,6 +482,24 @@ def test_nothing_that_anybodys_stack_states_ends_the_identifier_or_spoils_what_i
     assert identifier._any.dropped == dropped
 
 
+@pytest.mark.parametrize("variance", [-1.0, 1e3, math.nan])
+def test_an_odometry_that_says_that_it_measures_nothing_is_named(
+    desk: tuple[Identifier, ThrustNode], variance: float
+) -> None:
+    """-1 in a covariance is one driver's "not measured" and another's "of unknown accuracy"."""
+    identifier, _ = desk
+    listening = {one.topic_name: one.callback for one in Node.subscriptions.fget(identifier)}
+    state = good(ODOMETRY, Stamp(time.time_ns()))
+    state.twist.covariance[:15:7] = variance
+    listening[f"{NAMESPACE}/odometry"](state)
+    identifier.drain()
+    assert identifier._refusals.counts == {}, "it measures the rates"
+    state.twist.covariance[::7] = variance
+    listening[f"{NAMESPACE}/odometry"](state)
+    identifier.drain()
+    assert "found no velocity that is measured, wanted one of a variance from 0" in identifier._refusals.last
+
+
 def test_bytes_that_are_no_measurement_do_not_end_the_identifier(desk: tuple[Identifier, ThrustNode]) -> None:
     identifier, _ = desk
     listening = {one.topic_name: one for one in Node.subscriptions.fget(identifier) if one.raw}

@@ -41,7 +41,10 @@ LARGEST_VARIANCE = 1e3
 
 
 def velocities_from_odometry(message: Odometry, now: Stamp, prefix: str = "") -> tuple[Stamped[IdentEvent], ...]:
-    """Attitude and velocities of a REP-105 odometry; without a stamp, of `now`. ValueError for other frames."""
+    """Attitude and velocities of a REP-105 odometry; without a stamp, of `now`.
+
+    ValueError for other frames, and where no velocity is measured.
+    """
     found = odometry_from_msg(message, prefix)
     stamp = _sensible(found.stamp, now)
     variances, state = message.twist.covariance[::7], found.reading
@@ -49,6 +52,9 @@ def velocities_from_odometry(message: Odometry, now: Stamp, prefix: str = "") ->
     u, v, w, p, q, r = (value if 0.0 <= variance < LARGEST_VARIANCE else NAN for value, variance in pairs)
     roll, pitch, _ = state.attitude_rad
     nu = (u, v, w, p, q, r)
+    if not any(map(math.isfinite, nu)):
+        wanted = f"one of a variance from 0 (unknown) to {LARGEST_VARIANCE:g}"
+        raise ValueError(Refusal(Reason.NOT_FINITE, f"found no velocity that is measured, wanted {wanted}"))
     return Stamped(stamp, Attitude((roll, pitch, NAN))), Stamped(stamp, Velocity(nu, "odometry"))
 
 
