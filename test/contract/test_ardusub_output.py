@@ -374,6 +374,47 @@ def test_a_station_on_the_same_line_that_starts_leaves_us_the_rates_that_we_need
     assert bench.device.fault() == ""
 
 
+def test_a_parameter_that_is_changed_in_flight_ends_it_and_the_autopilot_is_judged_anew() -> None:
+    """A pilot turns a motor round at the other station: our sticks would push it the other way from then on."""
+    bench = Bench()
+    bench.fly(*AHEAD)
+    name, sense = "MOT_5_DIRECTION", bench.board.parameters["MOT_5_DIRECTION"]
+    bench.stranger(23, -sense, 1, 1, name.encode(), 9)
+    bench.run(2.0)
+    assert bench.device.fault() == f"another party has changed its {name}; arm again"
+    assert not bench.board.armed
+    assert not bench.device.ready
+    assert "has T5 the other way round than the vehicle file" in bench.device.trouble
+
+
+def test_a_parameter_that_is_changed_before_a_flight_counts_in_it() -> None:
+    bench = Bench()
+    bench.run(3.0)
+    bench.stranger(23, 0.0, 1, 1, b"FS_PILOT_INPUT", 9)
+    bench.run(0.5)
+    assert "its FS_PILOT_INPUT is 0" in bench.device.trouble
+
+
+def test_sticks_that_are_told_no_more_end_the_flight() -> None:
+    bench = Bench()
+    bench.fly(*AHEAD)
+    bench.board.unsupported.add(511)
+    del bench.board.channels[0].intervals_s[65]
+    bench.run(5.0)
+    assert bench.device.fault().startswith("it tells its sticks no more (RC_CHANNELS)")
+    assert not bench.board.armed
+
+
+def test_bytes_that_are_no_unsigned_mavlink_2_are_called_that() -> None:
+    """MAVLink 1, signed frames, another baud rate: to miss a heartbeat sends the reader to cables and addresses."""
+    for garbage in (b"\xfe\x09\x00\x01\x01\x00" * 20, b"\xfd\x09\x01\x00\x00\x01\x01\x00\x00\x00" * 20):
+        device = ArduSub(HEAVY)
+        device.start(Stamp(1))
+        assert "ardusub: no heartbeat of an ArduPilot, wanted" in device.trouble
+        list(device.feed(garbage, Stamp(2)))
+        assert "ardusub: no unsigned MAVLink 2 (check its SERIALn_PROTOCOL, wanted 2" in device.trouble
+
+
 def test_what_somebody_else_has_armed_is_neither_flown_nor_disarmed() -> None:
     bench = Bench()
     bench.run(3.0)

@@ -159,8 +159,7 @@ def _listened(address: str, link: "Link", seconds: float) -> Iterator[object]:
 
 
 def _no_answer(address: str, link: "Link") -> HindraxError:
-    who = (link.foreign and "an autopilot that is no ArduPilot") or "no heartbeat of an ArduPilot"
-    found = f"some parameters in {PATIENCE_S:g} s, not all" if link.system else who
+    found = f"some parameters in {PATIENCE_S:g} s, not all" if link.system else link.stranger
     return HindraxError(
         f"{address}: found {found}, wanted an ArduSub that answers; in BlueOS add a MAVLink endpoint that sends "
         "here (Vehicle, MAVLink Endpoints)"

@@ -112,6 +112,9 @@ class Link:
         self.stations: set[tuple[int, int]] = set()
         """Other ground stations on the link, by system and component."""
         self.foreign: Heartbeat | None = None
+        self.changed = ""
+        """Parameter of which another value came than before, for who goes by it; he clears this."""
+        self._unread = False
         self._left: deque[str] = deque(self._wanted)
         self._asked: dict[str, tuple[Stamp, int]] = {}
         self._unanswered: list[str] = []
@@ -133,6 +136,14 @@ class Link:
             return self.system or SYSTEM
         named = (self.parameters[name] for name in GCS_PARAMETERS if name in self.parameters)
         return round(next(named, GCS_SYSTEM))
+
+    @property
+    def stranger(self) -> str:
+        """Who is there in the place of an ArduPilot."""
+        if self.foreign is not None:
+            return f"autopilot of kind {self.foreign.autopilot}"
+        settings = "check its SERIALn_PROTOCOL, wanted 2, and SERIALn_BAUD, wanted 115"
+        return f"no unsigned MAVLink 2 ({settings})" if self._unread else "no heartbeat of an ArduPilot"
 
     @property
     def asking(self) -> bool:
@@ -172,6 +183,7 @@ class Link:
         """Yield the messages of the autopilot, and rejected bytes; answers to our own requests are taken."""
         for event in self._decoder.feed(data, stamp):
             if isinstance(event, Rejected):
+                self._unread = True
                 yield event
             elif self._is_autopilot(event, stamp) and not self._receive(event.message, stamp) and event.message:
                 yield event.message
@@ -223,6 +235,8 @@ class Link:
             self._left = deque(name for name in self._left if name not in GCS_PARAMETERS)
         if asked is None and found.name not in self._wanted:
             return False
+        if self.parameters.get(found.name, found.value) != found.value:
+            self.changed = found.name
         self.parameters[found.name] = found.value
         return True
 

@@ -92,6 +92,8 @@ PARAMETERS = (
 )
 # Named values (gain, input hold) come by themselves; asked for them, it answers with a text to every station.
 STREAMS = {ardupilot.SERVO_OUTPUT: SERVO_Hz, ardupilot.RC_CHANNELS: STICKS_Hz, ardupilot.SYS_STATUS: 2.0}
+NEEDED = {ardupilot.SERVO_OUTPUT: "SERVO_OUTPUT_RAW", ardupilot.RC_CHANNELS: "RC_CHANNELS"}
+"""Without the one nobody knows what the thrusters get, without the other not who moves the sticks."""
 NO_ANSWER = (
     "it does not answer for {name}, which every ArduSub has; check the link, which loses messages, and try again"
 )
@@ -178,9 +180,8 @@ class ArduSub:
         if self._restarted:
             return "ardusub: the autopilot has restarted"
         if not self._link.system:
-            other = self._link.foreign
             wanted = "wanted the heartbeat of an ArduSub; check address, power and router"
-            return f"ardusub: {'no MAVLink' if other is None else f'autopilot of kind {other.autopilot}'}, {wanted}"
+            return f"ardusub: {self._link.stranger}, {wanted}"
         silent = "heartbeat" if not self._link.alive(self._now) else "SERVO_OUTPUT_RAW"
         return f"ardusub: no {silent} any more; check power and line" if self._identity else "ardusub: still answering"
 
@@ -221,7 +222,7 @@ class ArduSub:
     def tick(self, stamp: Stamp) -> Iterable[Output]:
         """Heartbeats, requests, and the steps of arming and disarming."""
         self._now = stamp
-        outputs: list[Output] = list(self._link.tick(stamp))
+        outputs: list[Output] = [*self._link.tick(stamp), *self._reconsider(stamp)]
         outputs += self._identify(stamp)
         if self._phase in (Phase.ARMING, Phase.LEAVING) and seconds_between(self._step_at, stamp) >= ASK_AGAIN_S:
             outputs += self._step(stamp)
@@ -277,6 +278,7 @@ class ArduSub:
         self._boot_us = self._overflows = self._tries = 0
         self._now = stamp
         self._step_at = self._armed_at = self._served_at = self._accepted_at = self._text_at = Stamp(0)
+        self._sticks_seen_at = Stamp(0)
         self._sent: list[int] = []
         self._history: deque[tuple[Stamp, tuple[float, ...]]] = deque(maxlen=256)
         self._odd: deque[Stamp] = deque()
@@ -297,14 +299,24 @@ class ArduSub:
         self._identity = f"ArduSub{version}, system {self._link.system}, driven by {way}{beside}"
         return [Identity(self._identity), *(self._take_back(stamp) if self._owned else ())]
 
+    def _reconsider(self, stamp: Stamp) -> list[Output]:
+        """Judge it anew where somebody has changed one of its parameters; a flight by the old ones ends."""
+        changed, self._link.changed = self._link.changed, ""
+        if not changed or not self._identity:
+            return []
+        self._identity = ""
+        if self._phase not in (Phase.ARMING, Phase.ARMED):
+            return []
+        return self._end(f"another party has changed its {changed}; arm again", stamp, owned=True)
+
     def _find_lack(self) -> str:
         parameters = self._link.parameters
         if other := no_submarine(self._link.beat):
             return other
         if "FRAME_CONFIG" not in parameters:
             return "it does not answer for FRAME_CONFIG, wanted an ArduSub of release 4.1 or later"
-        if ardupilot.SERVO_OUTPUT in self._link.refused:
-            return "it does not stream SERVO_OUTPUT_RAW on request (SET_MESSAGE_INTERVAL), wanted ArduSub 4.1 or later"
+        if missing := [name for number, name in NEEDED.items() if number in self._link.refused]:
+            return f"it does not stream {missing[0]} on request (SET_MESSAGE_INTERVAL), wanted ArduSub 4.1 or later"
         return self._find_motors() or ("" if self._by_test else self._find_mixer())
 
     def _find_motors(self) -> str:
@@ -418,6 +430,7 @@ class ArduSub:
         return [Stamped(stamp, Battery(message.voltage_V, message.current_A))] if known else []
 
     def _on_sticks(self, message: RcChannels, stamp: Stamp) -> list[Output]:
+        self._sticks_seen_at = stamp
         sticks = tuple(map(float, message.pulses_us[:6]))
         return [] if self._by_test else self._compare(sticks, STICK_TOLERANCE_us, "stick", stamp)
 
@@ -478,6 +491,8 @@ class ArduSub:
         beat = self._link.beat
         if seconds_between(self._served_at, stamp) > FRESH_S:
             return self._end("the autopilot has fallen silent", stamp, owned=True)
+        if not self._by_test and seconds_between(max(self._sticks_seen_at, self._armed_at), stamp) > MEMORY_S:
+            return self._end("it tells its sticks no more (RC_CHANNELS): a pilot's would go unseen", stamp, owned=True)
         if beat is None or self._link.beat_at <= self._armed_at:
             return []
         late = seconds_between(self._armed_at, stamp) > CONFIRMED_S
