@@ -251,6 +251,11 @@ def test_a_velocity_that_is_marked_unknown_is_not_used(tmp_path: Path, variance:
     assert np.isfinite(read_bag(bag, TopicSelection(), topics_of(bag))[0].velocity).all() == known
 
 
+def test_a_record_without_a_measured_velocity_says_what_counts_as_none(desk: Desk) -> None:
+    bag = as_bag(desk.folder / "a.mcap", end_s=10.0, variance=-1.0)
+    assert "of a variance below 0 or of 1000 and more, counts as not measured" in desk.refused(bag)
+
+
 def test_rates_that_a_doppler_log_has_not_are_those_of_the_inertial_sensor(tmp_path: Path) -> None:
     """The zeros of its Twist were taken for rates: yaw "never changes" in a bag that held it."""
     t, rates = np.arange(0.0, 5.0, 0.02), 0.3 * np.sin(np.arange(0.0, 5.0, 0.02))

@@ -443,7 +443,10 @@ def _identify_recordings(
         for axis in axes:
             motions |= _skipped(recordings[0], axis, against) if has_samples(recordings[0], axis) else {}
     if not motions:
-        raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
+        raise UsageError(
+            f"{recordings[0].source}: has no axis with both finite velocities and finite forces; a velocity without "
+            "bottom lock, or of a variance below 0 or of 1000 and more, counts as not measured; an unknown one is 0"
+        )
     results = Results({name: _weighed(one, vehicle, task) for name, one in motions.items()}, vehicle)
     return Identified(Outcome(results, assessments), results, mock=False, traces=traces)
 
