@@ -11,7 +11,6 @@ import numpy as np
 
 from hindrax_analysis.identification.bag_identification import Identified, identify_bag
 from hindrax_analysis.identification.executor import HERE, Workers
-from hindrax_analysis.records import plausibility
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
 from hindrax_analysis.records.blueos_recording import recordings
 from hindrax_analysis.records.csv.record import read_records
@@ -41,9 +40,10 @@ from hindrax_core.topics import ALLOCATION, ODOMETRY, resolved
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import Assessment, unidentified
-from hindrax_ident.assess.objections import NO_OBJECTION, Objection
+from hindrax_ident.assess.objections import Objection
+from hindrax_ident.assess.plausibility import Planar, planar, turned_by, with_mass_checks, with_plausibility_check
 from hindrax_ident.assess.results import MotionResult, Results, with_truth
-from hindrax_ident.model.motion_model import HORIZONTAL, MOTIONS, motions_of
+from hindrax_ident.model.motion_model import MOTIONS, motions_of
 from hindrax_ident.online.coupled_masses import FoundMasses, with_found_masses
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.records.axis_record import Record
@@ -431,10 +431,11 @@ def _identify_recordings(
         return outcomes
 
     found = dict(zip(flown, with_found_masses(vehicle, fit_all), strict=True))
-    turned = plausibility.turned_by(recordings)
+    turned = turned_by([_planar(one) for one in recordings])
     for axis, usable in usable_on.items():
         if usable:
-            motions |= _plausible(found[axis], vehicle, axis, turned)
+            results_of = found[axis].results.motions.items()
+            motions |= {name: with_plausibility_check(one, vehicle, turned) for name, one in results_of}
             assessments |= found[axis].assessments
         elif task.axes or any(has_signal(one, axis) for one in recordings):
             motions |= _skipped(recordings[0], axis, against)
@@ -451,22 +452,22 @@ def _identify_recordings(
     return Identified(Outcome(results, assessments), results, mock=False, traces=traces)
 
 
-def _plausible(outcome: Outcome, vehicle: Vehicle, axis: int, turned: Objection) -> dict[str, MotionResult]:
-    """Motions of an axis with what speaks against them; a sensor that is turned a little is a warning."""
-    turned = turned if axis in HORIZONTAL else NO_OBJECTION
-    grave = turned if plausibility.is_grave(turned) else NO_OBJECTION
-    found = {
-        name: plausibility.with_plausibility_check(one, vehicle, grave) for name, one in outcome.results.motions.items()
-    }
-    if turned and not grave:
-        found = {name: replace(one, warnings=(*one.warnings, turned)) for name, one in found.items()}
-    return found
+def _planar(recording: Recording) -> Planar:
+    """Thrusts and velocities of surge and sway, where both are known."""
+    commanded = np.isfinite(recording.wrench[:, :2]).all(axis=1)
+    moved = np.isfinite(recording.velocity[:, :2]).all(axis=1)
+    turned = np.isfinite(recording.velocity[:, 5])
+    return planar(
+        (recording.wrench_t[commanded], recording.wrench[commanded, :2]),
+        (recording.velocity_t[moved], recording.velocity[moved, :2]),
+        (recording.velocity_t[turned], recording.velocity[turned, 5]),
+    )
 
 
 def _weighed(one: MotionResult, vehicle: Vehicle, task: IdentificationTask) -> MotionResult:
     """What the mass of the vehicle file says of a motion; without one, no added mass is told."""
     if task.mass_known:
-        return plausibility.with_inertia_uncertainty(plausibility.with_weight_check(one, vehicle), vehicle)
+        return with_mass_checks(one, vehicle)
     kept = {key: number for key, number in one.coefficients.items() if key != "added_mass"}
     return replace(one, coefficients=kept)
 

@@ -294,6 +294,19 @@ class AxisSession:
         times, wrenches = [t for t, _ in self._thrusts], [one.wrench for _, one in self._thrusts]
         return array(times), array(wrenches).reshape(-1, 6)
 
+    @property
+    def velocities(self) -> tuple[Array, Array]:
+        """Times [s] of the own velocities, and all at these times: (n,), (n, 6), NaN of what was never measured."""
+        own = series(self._velocities.get(self._speed_source.name, Samples()))
+        nu = np.full((len(own), 6), NAN)
+        nu[:, self.model.axis] = own.y
+        if self._other_velocities:
+            moved_s, *sparse = np.array(self._other_velocities).T
+            for axis, one in enumerate(sparse):
+                if axis != self.model.axis and np.isfinite(one).any():
+                    nu[:, axis] = np.interp(own.t, moved_s, between_samples(moved_s, one, self._tuning.gap_s))
+        return own.t, array(nu)
+
     def record(self, plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
         """Record of the axis until now, for the final fit.
 

@@ -11,6 +11,7 @@ from hindrax_core.events import Stamped, after
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import AXES, Vehicle
+from hindrax_ident.assess.plausibility import turned_by, with_mass_checks, with_plausibility_check
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import motions_of
 from hindrax_ident.online.coupled_masses import with_found_masses
@@ -52,7 +53,13 @@ class RecordSession:
         outcomes = with_found_masses(
             self._vehicle, lambda masses: [session.finalize(found_masses=masses) for session in self.pushed]
         )
-        return {name: one for outcome in outcomes for name, one in outcome.results.motions.items()}
+        turned = turned_by([self._sessions[0].planar()])
+        checked = (
+            with_plausibility_check(one, self._vehicle, turned)
+            for outcome in outcomes
+            for one in outcome.results.motions.values()
+        )
+        return {one.motion: with_mass_checks(one, self._vehicle) for one in checked}
 
     def _process(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
         found: list[Stamped[Estimate]] = []

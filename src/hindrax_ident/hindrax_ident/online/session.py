@@ -30,6 +30,7 @@ from hindrax_ident.assess.assessment import (
     unidentified,
 )
 from hindrax_ident.assess.objections import Code, objection
+from hindrax_ident.assess.plausibility import NOT_PLANAR, Planar, planar
 from hindrax_ident.assess.results import MotionResult, Results
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
 from hindrax_ident.model.model_parameters import OnlineEstimates, crossed, one_sided, uncrossed, wide_prior
@@ -314,6 +315,14 @@ class Session:
             tuning = replace(tuning, stretch_s=min(tuning.stretch_s, LONGEST_WAY_S))
         stretches = usable(spans, measured, kept.thrust, tuning)
         return replace(kept, stretches=stretches, supply_measured=axis_session.supply_measured(stretches))
+
+    def planar(self) -> Planar:
+        """Thrusts and velocities of surge and sway of a session of surge, to see whether they have the same axes."""
+        if 0 not in self._axes:
+            return NOT_PLANAR
+        (times, wrenches), (t, nu) = self._axes[0].wrenches, self._axes[0].velocities
+        moved, turned = (np.isfinite(nu[:, columns]).all(axis=1) for columns in ([0, 1], [5]))
+        return planar((times, wrenches[:, :2]), (t[moved], nu[moved, :2]), (t[turned], nu[turned, 5]))
 
     def refined(self, axis: int) -> DraftFit:
         """Fit of what was flown along an axis so far, with its noise; takes a second. ValueError where nothing fits."""

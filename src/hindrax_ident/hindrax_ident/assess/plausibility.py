@@ -1,19 +1,22 @@
-"""Implausible results: wrong units and axes give numbers too, often with narrow intervals."""
+"""Implausible results: wrong units and axes give numbers too, often with narrow intervals.
+
+Asked of the records of other stacks, after the run and while they fly.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hindrax_analysis.records.recording import Recording
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objection
 from hindrax_ident.assess.results import Contribution, MotionResult, Number
-from hindrax_ident.model.motion_model import MOTIONS, axis_units, rigid_mass
+from hindrax_ident.model.motion_model import HORIZONTAL, MOTIONS, axis_units, rigid_mass
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.driven import USUAL_S
 
@@ -40,7 +43,43 @@ STRAIGHT_radps = 0.15
 """Yaw rate from which the vehicle turns."""
 
 
-def turned_by(recordings: Sequence[Recording]) -> Objection:
+class Planar(NamedTuple):
+    """Thrust behind the usual lag, and velocity less its mean, in the plane of surge and sway: (n,) complex each."""
+
+    F: NDArray[np.complex128]
+    V: NDArray[np.complex128]
+
+
+NOT_PLANAR = Planar(np.zeros(0, dtype=complex), np.zeros(0, dtype=complex))
+
+
+def planar(thrust: tuple[Array, Array], moved: tuple[Array, Array], turning: tuple[Array, Array]) -> Planar:
+    """Samples of a record, for `turned_by`.
+
+    Parameters
+    ----------
+    thrust : (m,) [s], (m, 2) [N]
+        Times and thrusts along surge and sway.
+    moved : (n,) [s], (n, 2) [m/s]
+        Times and velocities.
+    turning : (k,) [s], (k,) [rad/s]
+        Yaw rates, none where they are not known: in a turn the velocity drags behind the bow.
+
+    Returns
+    -------
+    Planar
+        While it does not turn.
+    """
+    (times, wrench), (t, velocity), (turned_s, rates) = thrust, moved, turning
+    if not len(times) or not len(t):
+        return NOT_PLANAR
+    X, Y = (LaggedThrust(times, array(one), USUAL_S).force(t) for one in wrench.T)
+    u, v = velocity.T
+    straight = np.abs(np.interp(t, turned_s, rates) if len(rates) else np.zeros(len(t))) < STRAIGHT_radps
+    return Planar((X + 1j * Y)[straight], (u - u.mean() + 1j * (v - v.mean()))[straight])
+
+
+def turned_by(parts: Sequence[Planar]) -> Objection:
     """What speaks against surge and sway because their velocities and forces have other axes.
 
     With F = X + iY behind the lag of a vehicle and V = u + iv, the sum of F* V has the angle by which the velocity is
@@ -48,16 +87,15 @@ def turned_by(recordings: Sequence[Recording]) -> Objection:
 
     Parameters
     ----------
-    recordings
-        All that hold surge or sway.
+    parts
+        Of all records that hold surge or sway.
 
     Returns
     -------
     Objection
         None where both axes were not pushed, or something else moved the vehicle.
     """
-    parts = [_planar(one) for one in recordings]
-    F, V = (np.concatenate([part[row] for part in parts]) if parts else np.zeros(0) for row in (0, 1))
+    F, V = (np.concatenate([NOT_PLANAR[row], *(part[row] for part in parts)]) for row in (0, 1))
     pushes = sorted((float(np.linalg.norm(F.real)), float(np.linalg.norm(F.imag))))
     if len(V) < FEWEST_PLANAR or pushes[0] < LEAST_PUSH * pushes[1]:
         return NO_OBJECTION
@@ -72,34 +110,14 @@ def turned_by(recordings: Sequence[Recording]) -> Objection:
     return objection(Code.TURNED_VELOCITY, angle_deg=abs(angle_deg), side="starboard" if angle_deg > 0.0 else "port")
 
 
-def is_grave(turned: Objection) -> bool:
+def _is_grave(turned: Objection) -> bool:
     """Whether nothing can be identified by velocities that are turned so far."""
     angle_deg = turned.numbers.get("angle_deg", math.inf)
     return bool(turned) and isinstance(angle_deg, float) and angle_deg > TURNED_deg[1]
 
 
-def _planar(recording: Recording) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Thrust behind the usual lag, and velocity less its mean, as complex numbers: (n,) each."""
-    commanded = np.isfinite(recording.wrench[:, :2]).all(axis=1)
-    moved = np.isfinite(recording.velocity[:, :2]).all(axis=1)
-    if not commanded.any() or not moved.any():
-        return np.zeros(0, dtype=complex), np.zeros(0, dtype=complex)
-    t, times = recording.velocity_t[moved], recording.wrench_t[commanded]
-    X, Y = (LaggedThrust(times, recording.wrench[commanded, axis], USUAL_S).force(t) for axis in (0, 1))
-    u, v = recording.velocity[moved, :2].T
-    straight = np.abs(_yaw_rates(recording, t)) < STRAIGHT_radps
-    return (X + 1j * Y)[straight], (u - u.mean() + 1j * (v - v.mean()))[straight]
-
-
-def _yaw_rates(recording: Recording, t: Array) -> Array:
-    """Yaw rates at these times, (n,) [rad/s]; 0 where none is known. In a turn the velocity drags behind the bow."""
-    known = np.isfinite(recording.velocity[:, 5])
-    rates = recording.velocity[known, 5]
-    return array(np.interp(t, recording.velocity_t[known], rates)) if known.any() else np.zeros(len(t))
-
-
-def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Objection = NO_OBJECTION) -> MotionResult:
-    """Add what is implausible of a result to its reasons.
+def with_plausibility_check(result: MotionResult, vehicle: Vehicle, turned: Objection = NO_OBJECTION) -> MotionResult:
+    """Add what is implausible of a result to its reasons; velocities that are turned a little are a warning.
 
     Parameters
     ----------
@@ -107,20 +125,29 @@ def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Obj
         Of one motion.
     vehicle
         Mass and hull.
-    against
-        Another objection.
+    turned
+        What `turned_by` says of surge and sway.
 
     Returns
     -------
     MotionResult
         Not identifiable where there is any.
     """
-    found = _implausibilities(result, vehicle) if result.coefficients else []
-    reasons = [*found, against] if against else found
+    reasons = _implausibilities(result, vehicle) if result.coefficients else []
+    turned = turned if MOTIONS[result.motion].axis in HORIZONTAL else NO_OBJECTION
+    if _is_grave(turned):
+        reasons.append(turned)
+    elif turned:
+        result = replace(result, warnings=(*result.warnings, turned))
     return result.refused_for(*reasons) if reasons else result
 
 
-def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
+def with_mass_checks(result: MotionResult, vehicle: Vehicle) -> MotionResult:
+    """What mass, volume and inertia of the vehicle file say of a result, or what is not known of them."""
+    return _with_inertia_uncertainty(_with_weight_check(result, vehicle), vehicle)
+
+
+def _with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     """The result, with a warning where its net buoyancy contradicts mass and volume of the vehicle file."""
     found = result.coefficients.get("b")
     if MOTIONS[result.motion].axis != 2 or found is None:
@@ -136,7 +163,7 @@ def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     return replace(result, warnings=(*result.warnings, warning))
 
 
-def with_inertia_uncertainty(result: MotionResult, vehicle: Vehicle) -> MotionResult:
+def _with_inertia_uncertainty(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     """The result, whose added mass of a rotation holds no better than an assumed moment of inertia."""
     found, axis = result.coefficients.get("added_mass"), MOTIONS[result.motion].axis
     if axis < 3 or vehicle.inertia_kgm2 is not None or found is None:

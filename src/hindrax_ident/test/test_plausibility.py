@@ -1,23 +1,27 @@
 """What nobody measured does not count as a fact."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from hindrax_analysis.records.plausibility import (
-    INERTIA_SHARE,
-    is_grave,
-    turned_by,
-    with_inertia_uncertainty,
-    with_plausibility_check,
-    with_weight_check,
-)
-from hindrax_analysis.records.recording import Recording
+from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.signals import NAN, IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import array
-from hindrax_ident.assess.objections import Code
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.objections import Code, Objection
+from hindrax_ident.assess.plausibility import (
+    INERTIA_SHARE,
+    Planar,
+    planar,
+    turned_by,
+    with_mass_checks,
+    with_plausibility_check,
+)
 from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number
+from hindrax_ident.online.record_session import RecordSession
 
 BOX = Vehicle("box", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))
 FOUND = Number(0.8, 0.01, 0.02, unit="kg m^2")
@@ -32,7 +36,7 @@ def turned(motion: str) -> MotionResult:
 
 
 def test_the_added_mass_of_a_turn_is_no_better_than_an_inertia_that_nobody_named() -> None:
-    found = with_inertia_uncertainty(turned("yaw"), BOX)
+    found = with_mass_checks(turned("yaw"), BOX)
     doubt = INERTIA_SHARE * 20.0 * (0.6**2 + 0.5**2) / 12.0
     assert found.coefficients["added_mass"].std_calibrated == pytest.approx(np.hypot(0.02, doubt))
     assert found.coefficients["added_mass"].std == FOUND.std
@@ -40,14 +44,14 @@ def test_the_added_mass_of_a_turn_is_no_better_than_an_inertia_that_nobody_named
 
 
 def test_an_inertia_that_was_named_is_accepted_and_a_mass_always() -> None:
-    assert with_inertia_uncertainty(turned("yaw"), replace(BOX, inertia_kgm2=(0.5, 0.6, 0.7))) == turned("yaw")
-    assert with_inertia_uncertainty(turned("surge"), BOX) == turned("surge")
+    assert with_mass_checks(turned("yaw"), replace(BOX, inertia_kgm2=(0.5, 0.6, 0.7))) == turned("yaw")
+    assert with_mass_checks(turned("surge"), BOX) == turned("surge")
 
 
 @pytest.mark.parametrize(("share", "axes", "warned"), [(1.0, False, False), (-1.0, True, True), (-3.0, False, True)])
 def test_a_net_buoyancy_of_the_other_sign_tells_of_axes_that_point_up(share: float, axes: bool, warned: bool) -> None:
     found = Number(share * BOX.net_buoyancy_N, 0.1, 0.2, unit="N")
-    told = with_weight_check(replace(turned("heave_down"), coefficients={"b": found}), BOX).warnings
+    told = with_mass_checks(replace(turned("heave_down"), coefficients={"b": found}), BOX).warnings
     assert [one.code for one in told] == [Code.OTHER_WEIGHT] * warned
     assert ("--frame flu" in " ".join(map(str, told))) == axes
 
@@ -71,9 +75,21 @@ def test_a_mass_that_may_be_anything_is_no_wrong_unit(sigma_kg: float, implausib
     assert codes == ([Code.IMPLAUSIBLE_MASS] if implausible else [])
 
 
-def steered(
-    turn: complex = 1.0, *, mirrored: bool = False, sway_N: float = 12.0, current_mps: float = 0.0
-) -> Recording:
+class Steered(NamedTuple):
+    """Times (n,), velocities and thrusts (n, 6)."""
+
+    t: Array
+    velocity: Array
+    wrench: Array
+
+    @property
+    def plane(self) -> Planar:
+        turns = array(self.velocity[:, 5])
+        rates = (self.t, turns) if np.isfinite(turns).all() else (array(np.zeros(0)), array(np.zeros(0)))
+        return planar((self.t, array(self.wrench[:, :2])), (self.t, array(self.velocity[:, :2])), rates)
+
+
+def steered(turn: complex = 1.0, *, mirrored: bool = False, sway_N: float = 12.0, current_mps: float = 0.0) -> Steered:
     """Sticks of surge and sway; the velocity is turned, or both axes change places."""
     rng, v, speeds, forces = np.random.default_rng(7), 0.0j, [], []
     pushes = np.repeat(rng.uniform(-1.0, 1.0, (60, 2)) * (20.0, sway_N), 40, axis=0)
@@ -87,23 +103,29 @@ def steered(
     columns = [seen.imag, seen.real] if mirrored else [seen.real, seen.imag]
     velocity[:, :2] = np.column_stack(columns) + rng.normal(0.0, 0.02, (len(t), 2)) + (0.0, current_mps)
     wrench[:, :2] = forces
-    return Recording("made", t, velocity, t, wrench, np.zeros(0), np.zeros((0, 3)))
+    return Steered(t, array(velocity), array(wrench))
+
+
+def is_refused_for(found: Objection) -> bool:
+    return not with_plausibility_check(turned("surge"), BOX, found).identifiable
 
 
 @pytest.mark.parametrize("angle_deg", [-135.0, -45.0, -12.0, 12.0, 25.0, 90.0])
 def test_a_sensor_that_is_turned_in_the_hull_is_named(angle_deg: float) -> None:
     """45 deg made "most by stamps of the record: record thrust and velocity with stamps of one clock"."""
-    found = turned_by([steered(np.exp(1j * np.radians(angle_deg)))])
+    found = turned_by([steered(np.exp(1j * np.radians(angle_deg))).plane])
     assert found.code is Code.TURNED_VELOCITY
     assert found.numbers["angle_deg"] == pytest.approx(abs(angle_deg), abs=3.0)
     assert found.numbers["side"] == ("starboard" if angle_deg > 0.0 else "port")
-    assert is_grave(found) is (abs(angle_deg) > 20.0)
+    assert is_refused_for(found) is (abs(angle_deg) > 20.0)
+    assert found in (with_plausibility_check(turned("surge"), BOX, found).warnings) or is_refused_for(found)
+    assert with_plausibility_check(turned("yaw"), BOX, found) == turned("yaw")
 
 
 def test_axes_that_change_places_are_named() -> None:
-    found = turned_by([steered(mirrored=True)])
+    found = turned_by([steered(mirrored=True).plane])
     assert found.code is Code.SWAPPED_VELOCITIES
-    assert is_grave(found)
+    assert is_refused_for(found)
 
 
 @pytest.mark.parametrize(
@@ -111,9 +133,8 @@ def test_axes_that_change_places_are_named() -> None:
     [steered(), steered(current_mps=0.3), steered(np.exp(0.1j)), steered(-1.0), steered(np.exp(1.0j), sway_N=1.0)],
     ids=["true", "a current", "5 deg", "a wrong sign", "surge alone"],
 )
-def test_what_is_not_turned_or_cannot_be_told_is_no_objection(record: Recording) -> None:
-    assert not turned_by([record])
-    assert not is_grave(turned_by([record]))
+def test_what_is_not_turned_or_cannot_be_told_is_no_objection(record: Steered) -> None:
+    assert not turned_by([record.plane])
     assert not turned_by([])
 
 
@@ -122,5 +143,40 @@ def test_a_vehicle_that_circles_is_not_turned() -> None:
     dragged = steered(complex(np.exp(-0.5j)))
     velocity = dragged.velocity.copy()
     velocity[:, 5] = 0.6
-    assert turned_by([dragged])
-    assert not turned_by([replace(dragged, velocity=velocity)])
+    assert turned_by([dragged.plane])
+    assert not turned_by([dragged._replace(velocity=array(velocity)).plane])
+
+
+def flown(record: Steered) -> Iterator[Stamped[IdentEvent]]:
+    for t_s, nu, wrench in zip(record.t.tolist(), record.velocity.tolist(), record.wrench.tolist(), strict=True):
+        yield Stamped(after(Stamp(1), t_s), Thrust(tuple(wrench)))
+        yield Stamped(after(Stamp(1), t_s), Velocity(tuple(nu), "odometry"))
+
+
+@pytest.mark.parametrize(
+    ("record", "code"),
+    [
+        (steered(complex(np.exp(1j * np.radians(35.0)))), Code.TURNED_VELOCITY),
+        (steered(100.0), Code.IMPLAUSIBLE_SPEED),
+        (steered()._replace(wrench=array(300.0 * steered().wrench)), Code.IMPLAUSIBLE_DRAG),
+    ],
+    ids=["a sensor turned by 35 deg", "velocities in cm/s", "300 times too strong"],
+)
+def test_the_verdict_while_flying_asks_what_that_of_a_log_asks(record: Steered, code: Code) -> None:
+    """It asked none of these: the node of a foreign stack said *identified*."""
+    session = RecordSession(BOX)
+    for _ in session.step(*flown(record)):
+        pass
+    surge = session.finalize()["surge"]
+    assert not surge.identifiable
+    assert code in [reason.code for reason in surge.reasons]
+
+
+def test_a_sway_that_nobody_measures_is_no_turn() -> None:
+    record = steered(sway_N=12.0)
+    velocity = record.velocity.copy()
+    velocity[:, 1] = NAN
+    session = RecordSession(BOX)
+    for _ in session.step(*flown(record._replace(velocity=array(velocity)))):
+        pass
+    assert Code.TURNED_VELOCITY not in [one.code for one in session.finalize()["surge"].reasons]
