@@ -325,6 +325,15 @@ def disarm(bench: Bench) -> None:
     bench.run(1.2)
 
 
+def rearm(bench: Bench) -> None:
+    """Between two heartbeats."""
+    for arm in (0.0, 1.0):
+        bench.stranger(76, arm, *(0.0,) * 6, 400, 1, 1, 0)
+        bench.run(0.4)
+    assert bench.wire() == NEUTRAL, "not moved by sticks of before"
+    bench.run(0.4)
+
+
 def restart(bench: Bench) -> None:
     bench.board.power_cycle(to_s(bench.now))
     bench.run(3.5)
@@ -343,6 +352,7 @@ def leak(bench: Bench) -> None:
         (seldom_seen_stick, "another party has taken over: stick"),
         (change_mode, "another party, or a failsafe, has taken over: STABILIZE"),
         (disarm, "the autopilot has been disarmed"),
+        (rearm, "another party has taken over: it has disarmed and armed it"),
         (leak, "another party, or a failsafe, has taken over: SURFACE (Leak Detected)"),
         (restart, "the autopilot has restarted"),
     ],
@@ -381,7 +391,7 @@ def test_a_parameter_that_is_changed_in_flight_ends_it_and_the_autopilot_is_judg
     name, sense = "MOT_5_DIRECTION", bench.board.parameters["MOT_5_DIRECTION"]
     bench.stranger(23, -sense, 1, 1, name.encode(), 9)
     bench.run(2.0)
-    assert bench.device.fault() == f"another party has changed its {name}; arm again"
+    assert bench.device.fault() == f"another party has changed its {name}"
     assert not bench.board.armed
     assert not bench.device.ready
     assert "has T5 the other way round than the vehicle file" in bench.device.trouble

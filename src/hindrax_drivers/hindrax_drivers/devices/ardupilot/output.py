@@ -45,7 +45,7 @@ from hindrax_drivers.protocols.ardupilot import (
     Supply,
     Version,
 )
-from hindrax_drivers.protocols.mavlink import CommandAck, StatusText
+from hindrax_drivers.protocols.mavlink import CommandAck, Heartbeat, StatusText
 from hindrax_drivers.timebase import RESTART_us, Timebase, came_again
 
 MANUAL = 19
@@ -69,6 +69,8 @@ An autopilot acts on the sticks that came last before its turn, 50 in a second, 
 a second, nine in ten may come just before one of ours, and are never seen.
 """
 STICK_TOLERANCE_us, PULSE_TOLERANCE_us = 8.0, 3.0
+PUSH_us, MOST_AT_REST = 20.0, 8
+"""A stick so far off neutral moves some thruster in every frame; samples at rest meanwhile, 0.16 s, are of no delay."""
 CONFIRMED_S = 2.5
 """Time from an accepted arming by which the heartbeat says so."""
 FRESH_S = 1.0
@@ -257,7 +259,7 @@ class ArduSub:
         if armed and self._phase is Phase.ARMED:
             outputs += self._watch_beat(stamp)
         if armed and self._phase is Phase.ARMED:
-            outputs += self._move(thrusters_us, stamp)
+            outputs += self._move(thrusters_us, stamp) if self._rest_at is None else self._stick(stamp)
         elif armed and self._phase is Phase.ARMING:
             outputs += self._stick(stamp)
         elif not armed and self._phase in (Phase.ARMING, Phase.ARMED):
@@ -273,15 +275,16 @@ class ArduSub:
         self._motors: tuple[Motor, ...] = ()
         self._named: dict[str, float] = {}
         self._last_text = self._refused = self._unexplained = ""
-        self._restarted = self._seen_armed = self._tested = False
+        self._restarted = self._seen_armed = self._tested = self._thrust = False
         self._clock.restart()
-        self._boot_us = self._overflows = self._tries = 0
+        self._boot_us = self._overflows = self._tries = self._at_rest = 0
         self._now = stamp
         self._step_at = self._armed_at = self._served_at = self._accepted_at = self._text_at = Stamp(0)
         self._sticks_seen_at = Stamp(0)
         self._sent: list[int] = []
         self._history: deque[tuple[Stamp, tuple[float, ...]]] = deque(maxlen=256)
         self._odd: deque[Stamp] = deque()
+        self._rest_at: Stamp | None = None
         self._moved = self._cut_off = False
         """Whether sticks (by motor test, thrusters) are off neutral; whether it was out of our reach while armed."""
 
@@ -307,7 +310,7 @@ class ArduSub:
         self._identity = ""
         if self._phase not in (Phase.ARMING, Phase.ARMED):
             return []
-        return self._end(f"another party has changed its {changed}; arm again", stamp, owned=True)
+        return self._end(f"another party has changed its {changed}", stamp, owned=True)
 
     def _find_lack(self) -> str:
         parameters = self._link.parameters
@@ -462,7 +465,19 @@ class ArduSub:
         # No pulse at all, as behind a safety switch, is no thrust.
         pulses = tuple(message.pulses_us[one.channel] or CENTER_us for one in self._motors)
         outputs: list[Output] = [*restarted, Stamped(at, AppliedPulses(pulses))]
-        return outputs + (self._compare(pulses, PULSE_TOLERANCE_us, "pulse", stamp) if self._by_test else [])
+        if self._by_test:
+            return outputs + self._compare(pulses, PULSE_TOLERANCE_us, "pulse", stamp)
+        self._watch_rest(pulses, stamp)
+        return outputs
+
+    def _watch_rest(self, pulses_us: tuple[float, ...], stamp: Stamp) -> None:
+        """Whether all thrusters rest, though no stick of late did: then ours are neutral until a heartbeat says why."""
+        resting = all(abs(pulse - CENTER_us) <= PULSE_TOLERANCE_us for pulse in pulses_us)
+        pushed = [max(abs(stick - CENTER_us) for stick in sticks) for _, sticks in self._history]
+        self._thrust |= self._phase is Phase.ARMED and not resting
+        self._at_rest = self._at_rest + 1 if resting and pushed and min(pushed) > PUSH_us else 0
+        if self._thrust and self._at_rest >= MOST_AT_REST and self._rest_at is None:
+            self._rest_at = stamp
 
     def _compare(self, found: tuple[float, ...], tolerance: float, what: str, stamp: Stamp) -> list[Output]:
         """Compare what is there with what was asked lately: what nobody here asked for is another party's."""
@@ -496,14 +511,19 @@ class ArduSub:
         if beat is None or self._link.beat_at <= self._armed_at:
             return []
         late = seconds_between(self._armed_at, stamp) > CONFIRMED_S
-        if beat.armed:
-            self._seen_armed = True
-        elif self._seen_armed or late:
-            return self._end(f"the autopilot has been disarmed{self._last_words(stamp)}", stamp)
-        if beat.mode != MANUAL and (self._seen_armed or late):
+        self._seen_armed |= beat.armed
+        why = self._taken(beat, stamp) if self._seen_armed or late else ""
+        return self._end(why, stamp) if why else []
+
+    def _taken(self, beat: Heartbeat, stamp: Stamp) -> str:
+        """How a heartbeat shows that it is no more as it was armed from here; empty where it is."""
+        if not beat.armed:
+            return f"the autopilot has been disarmed{self._last_words(stamp)}"
+        if beat.mode != MANUAL:
             mode = MODES.get(beat.mode, f"mode {beat.mode}")
-            return self._end(f"another party, or a failsafe, {TAKEN_OVER}: {mode}{self._last_words(stamp)}", stamp)
-        return []
+            return f"another party, or a failsafe, {TAKEN_OVER}: {mode}{self._last_words(stamp)}"
+        rested = self._rest_at is not None and self._link.beat_at > self._rest_at
+        return f"another party {TAKEN_OVER}: it has disarmed and armed it" if rested else ""
 
     def _watch_ourselves(self, stamp: Stamp) -> list[Output]:
         """Whether nothing was sent for so long that the autopilot has gone neutral: no other party has done that."""
@@ -574,6 +594,7 @@ class ArduSub:
             left_s = math.ceil(seconds_between(stamp, self._pause_until))
             return self._refuse(f"it needs {left_s} s more of a pause after a motor test; arm again then", stamp)
         self._phase, self._tries, self._seen_armed = Phase.ARMING, 0, False
+        self._thrust, self._rest_at = False, None
         self._history.clear()
         self._odd.clear()
         return [*self._stick(stamp), *self._step(stamp)]
