@@ -1,5 +1,6 @@
 """The bench experiment commands as an operator uses them: words in, tables or one JSON document out, exit codes."""
 
+import errno
 import json
 from pathlib import Path
 from typing import Any
@@ -246,10 +247,26 @@ def test_the_results_of_another_vehicle_are_not_put_on_ours(tmp_path: Path, caps
     names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
     file = tmp_path / "coefficients.yaml"
     file.write_text(yaml.safe_dump({"conditions": {"vehicle": "other"}, "motions": dict.fromkeys(names, body)}))
-    assert command_line.main(["export", str(file), "--to", "gz"]) == 2
-    assert "the results are of other" in capsys.readouterr().err
+    for to in ("gz", "urdf"):
+        assert command_line.main(["export", str(file), "--to", to]) == 2
+        assert "the results are of other" in capsys.readouterr().err
     assert command_line.main(["export", str(file), "--to", "gz", "--vehicle", str(default_vehicle())]) == 0
     assert "note: the results are of other" in capsys.readouterr().err
+
+
+def test_a_full_disk_leaves_the_export_that_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    words, file = ["export", "--vehicle", "lbv", "--to", "gz", "--out"], tmp_path / "lbv.sdf"
+    assert command_line.main([*words, str(file)]) == 0
+    before = file.read_text()
+    monkeypatch.setattr(Path, "replace", full)
+    assert command_line.main([*words, str(file)]) == 2
+    assert "cannot be written (No space left on device)" in capsys.readouterr().err
+    assert (file.read_text(), list(tmp_path.iterdir())) == (before, [file])
 
 
 @pytest.mark.parametrize(

@@ -136,6 +136,7 @@ def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], worke
             for future in futures:
                 yield future.result()
         except BrokenProcessPool as error:
+            _unblock(pool)
             raise HindraxError(
                 "a process that computed was killed, as by a machine without free memory; free some, or take "
                 "`--workers 1`, which needs the least"
@@ -145,7 +146,17 @@ def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], worke
             for one in multiprocessing.active_children():
                 if one not in others:
                     one.kill()
+            _unblock(pool)
             raise
+
+
+def _unblock(pool: ProcessPoolExecutor) -> None:
+    """Let go of an item that no process reads any more: larger than a pipe, it would hold the pool at its end.
+
+    Python does so itself (its issue 94777), but not yet the 3.11.2 of Debian 12.
+    """
+    if (queue := getattr(pool, "_call_queue", None)) is not None:
+        queue._reader.close()  # noqa: SLF001  # nothing public ends the wait
 
 
 @contextlib.contextmanager

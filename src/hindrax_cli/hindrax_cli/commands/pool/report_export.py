@@ -37,7 +37,7 @@ from hindrax_cli.argument_types import at_least, named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
-from hindrax_core.text.text_file import require_place, writing
+from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import Vehicle, load_vehicle
 
 
@@ -163,7 +163,7 @@ def print_or_write(text: str, out: Path | None) -> int:
         print_whole(text, end="")
         return 0
     with writing(f"--out {out}", "name another place", UsageError):
-        out.write_text(text, encoding="utf-8")
+        replace_text(out, text)
     print_stderr(f"written: {out}")
     return 0
 
@@ -206,7 +206,7 @@ def _fill_samples(arguments: argparse.Namespace) -> int:
 def _write_files(folder: Path, files: Mapping[str, str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        replace_text(folder / name, text)
 
 
 def _drawn(saved: SavedCoefficients, file: Path, arguments: argparse.Namespace) -> Iterable[ExportModel]:
@@ -228,7 +228,10 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
     if to == URDF:
         if named or path is None:
             return urdf.write(load_vehicle(named or default_vehicle()))
-        return urdf.write(_vehicle_beside(RunFolder(path).coefficients if path.is_dir() else path))
+        if path.is_dir() and RunFolder(path).vehicle.is_file():
+            return urdf.write(load_vehicle(RunFolder(path).vehicle))
+        file = results_file(path, to)
+        return urdf.write(vehicle_of(read_coefficients(file), file, None))
     if to in TABLES:
         file = results_file(path, to)
         saved = read_coefficients(file)
