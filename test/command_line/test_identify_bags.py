@@ -3,7 +3,7 @@
 import itertools
 import math
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,8 @@ DEFINITIONS = {
     "sensor_msgs/msg/FluidPressure": f"{STAMPED}float64 fluid_pressure\nfloat64 variance\n{PARTS}",
     "dvl_msgs/msg/DVL": f"{STAMPED}geometry_msgs/Vector3 velocity\nfloat64 fom\nfloat64 altitude\n"
     f"bool velocity_valid\n{PARTS}",
+    "my_msgs/msg/Stamped": f"{STAMPED}float64 data\n{PARTS}",
+    "std_msgs/msg/Float64": "float64 data\n",
     "mavros_msgs/msg/RCOut": f"{STAMPED}uint16[] channels\n{PARTS}",
     "my_msgs/msg/Escs": f"{STAMPED}Set set\nstring mode\n{PARTS}{'=' * 80}\nMSG: my_msgs/Set\nfloat32[] throttle\n",
 }
@@ -582,6 +584,54 @@ def test_arrays_that_do_not_serve_are_refused_with_what_is_there(
 ) -> None:
     bag = own_message_bag(desk.folder / "a.mcap", values)
     assert wanted in desk.refused(bag, "--vehicle", default_vehicle(), "--wrench", named)
+
+
+EACH: dict[str, Callable[[float, float], object]] = {
+    "my_msgs/msg/Stamped": lambda t, force: {"header": header_of(START_S + t, ""), "data": force},
+    "std_msgs/msg/Float64": lambda _, force: {"data": force},
+    THRUST[0]: lambda t, force: wrench_message(THRUST[0], START_S + t, 0, force, "rov/thruster"),
+}
+"""Messages of one thruster's force, as simulators have them, by type."""
+
+
+def topics_of_each(path: Path, kind: str, force: Callable[[float, int], float]) -> Path:
+    """Velocities, and a topic for each of eight thrusters, numbered from 3 as those of no output are."""
+    velocities, (t_w, _) = flown(end_s=10.0)
+    each = [
+        (kind, f"/rov/thrusters/{channel + 3}/thrust", [(t, EACH[kind](t, force(t, channel))) for t in t_w.tolist()])
+        for channel in range(8)
+    ]
+    return bag_of(path, [reported(velocity_message, ODOMETRY, velocities), *each[::-1]])
+
+
+@pytest.mark.parametrize("kind", EACH)
+def test_a_topic_for_each_thruster_is_named_with_a_star(tmp_path: Path, kind: str) -> None:
+    vehicle = load_vehicle(default_vehicle())
+    bag = topics_of_each(tmp_path / "a.mcap", kind, lambda t, channel: (channel + 1.0) * (1.0 if t < 5.0 else -2.0))
+    (found,) = read_bag(bag, TopicSelection(wrench="/rov/thrusters/*/thrust=N"), topics_of(bag), vehicle)
+    wanted = [one.channel + 1.0 for one in vehicle.thrusters]
+    assert found.forces[0] == pytest.approx(wanted)
+    assert found.forces[-1] == pytest.approx([-2.0 * one for one in wanted])
+    # All thrusters of a time are one row, as in an array.
+    assert (np.diff(found.wrench_t) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "wanted"),
+    [
+        ("std_msgs/msg/Float64", [], "is named as --wrench '/rov/thrusters/*/thrust=N' (N, us or ratio)"),
+        ("geometry_msgs/msg/WrenchStamped", [], "is named as --wrench '/rov/thrusters/*/thrust=N'"),
+        ("std_msgs/msg/Float64", ["--wrench", "/rov/thrusters/*/thrust"], "name their unit: --wrench"),
+        ("std_msgs/msg/Float64", ["--wrench", "/rov/thrusters/4/thrust:data=N"], "is float, wanted an array of"),
+        ("std_msgs/msg/Float64", ["--wrench", "/auv/*/thrust=N"], "found no such topic"),
+        ("std_msgs/msg/Float64", ["--wrench", "/*=N"], "has no 'data' at 'data'"),
+    ],
+)
+def test_topics_of_each_thruster_that_are_named_wrong_are_refused_with_the_name(
+    desk: Desk, kind: str, words: list[str], wanted: str
+) -> None:
+    bag = topics_of_each(desk.folder / "a.mcap", kind, lambda _, channel: 1.0 + channel)
+    assert wanted in desk.refused(bag, "--vehicle", default_vehicle(), *words)
 
 
 def test_poses_alone_give_the_velocity(desk: Desk) -> None:

@@ -3,7 +3,9 @@
 Topics are found by type. Ambiguous axes follow REP-103 and REP-105, and are reported as assumptions.
 """
 
-from collections.abc import Mapping
+import fnmatch
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,7 +31,15 @@ from hindrax_analysis.records.bag_track import (
     ways_from_poses,
 )
 from hindrax_analysis.records.recording import HALF_TURN, NO_FORCES, NO_TIMES, NO_WAYS, Recording, wrenches_of_forces
-from hindrax_analysis.records.thruster_values import PULSES, UNITS, ThrusterValues, forces_of_thrusters
+from hindrax_analysis.records.thruster_values import (
+    EACH,
+    FIELDS,
+    FORCES,
+    PULSES,
+    UNITS,
+    ThrusterValues,
+    forces_of_thrusters,
+)
 from hindrax_bag.read.bag_reader import DamagedMessageError, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, WRAPS
@@ -137,20 +147,24 @@ def read_bag(
     velocity = _choose(bag, topics, (direct, (*NAMED_VELOCITY_TYPES, *also)), wanted.odometry, VELOCITY)
     named = ThrusterValues.named(wanted.wrench)
     possible = tuple({*PULSE_FIELDS, topics[named.topic]} if named.field and named.topic in topics else PULSE_FIELDS)
-    wrench = _choose(bag, topics, (WRENCH_TYPES, possible), named.topic, ("force", "--wrench"))
+    each = _topics_of_each(bag, topics, named.topic)
+    wrench = named.topic if each else _choose(bag, topics, (WRENCH_TYPES, possible), named.topic, ("force", "--wrench"))
     gyros = [name for name, kind in topics.items() if kind == IMU and name not in (velocity, wrench)]
     # Of MAVROS, these are pressures of the air in the hull.
     pressures = [name for name, kind in topics.items() if kind == PRESSURE and not name.endswith(OF_AIR)]
-    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench, *gyros, *pressures)}
-    if named.path(topics[wrench]):
-        unit = named.unit or (PULSES if topics[wrench].startswith("mavros_msgs/") else "")
-        tracks[wrench].values = replace(named, topic=wrench, unit=unit)
+    tracks = {name: Track(name, topics[name]) for name in (velocity, *(each or [wrench]), *gyros, *pressures)}
+    for name in each or [wrench]:
+        if named.path(topics[name]):
+            usual = FORCES if topics[name] in FIELDS else PULSES if topics[name].startswith("mavros_msgs/") else ""
+            tracks[name].values = replace(named, topic=wrench, unit=named.unit or usual)
     damage = Damage()
     for message in messages(bag, set(tracks), damage=damage):
         try:
             tracks[message.topic].add(message)
         except DamagedMessageError as error:
             damage.skip(str(error), message.received, message.received)
+    if each:
+        tracks[wrench] = _together(wrench, [tracks.pop(name) for name in each])
     for track in (tracks[velocity], tracks[wrench]):
         if not track.received:
             raise UsageError(f"{bag}: none of the messages of {track.topic} can be decoded; record it again")
@@ -163,6 +177,42 @@ def read_bag(
     if len(parts) == len(pressures) == 1 and not np.isfinite(found[0].attitude[:, 2:]).any():
         found = [_with_depths(found[0], tracks[pressures[0]], vehicle.water if vehicle else Water())]
     return [replace(one, assumptions=(*one.assumptions, *back, *damage.sentences)) for one in found]
+
+
+def _topics_of_each(bag: Path, topics: Mapping[str, str], named: str) -> list[str]:
+    """Topics of a name with a star, one per thruster, in the order of their numbers; empty for another name."""
+    if EACH not in named:
+        return []
+    found = fnmatch.filter(topics, named)
+    if not found:
+        raise UsageError(f"--wrench {named}: found no such topic; {bag} holds {listed(topics)}")
+    return sorted(found, key=lambda topic: ([*map(int, re.findall(r"\d+", topic))], topic))
+
+
+def _together(topic: str, each: list[Track]) -> Track:
+    """One topic out of those of the thrusters: at each of their times what all of them have said last."""
+    said = sorted(
+        (received, stamped, channel, row[0])
+        for channel, track in enumerate(each)
+        for received, stamped, row in zip(track.received, track.stamped, track.rows, strict=True)
+    )
+    last: dict[int, float] = {}
+    rows: list[tuple[int, int, list[float]]] = []
+    for received, stamped, channel, value in said:
+        last[channel] = value
+        if len(last) == len(each):
+            if rows and (rows[-1][0] or rows[-1][1]) == (stamped or received):
+                rows.pop()
+            rows.append((stamped, received, [last[number] for number in range(len(each))]))
+    stamps, receipts, values = (list(column) for column in zip(*rows, strict=True)) if rows else ([], [], [])
+    return replace(each[0], topic=topic, stamped=stamps, received=receipts, rows=values)
+
+
+def _way_of_each(topics: Iterable[str]) -> str:
+    """Remedy where several topics differ only by a number, as those of thrusters; empty where none do."""
+    forms = [re.sub(r"\d+(?=\D*$)", EACH, topic) for topic in topics]
+    several = [form for form in dict.fromkeys(forms) if EACH in form and forms.count(form) > 1]
+    return f"; one topic per thruster is named as --wrench '{several[0]}=N' (N, us or ratio)" if several else ""
 
 
 def _choose(
@@ -183,14 +233,20 @@ def _choose(
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
-        raise UsageError(f"{bag}: several topics may hold the {what}: {', '.join(fitting)}; name one with {option}")
+        each = _way_of_each(fitting) if option == "--wrench" else ""
+        several = f"{bag}: several topics may hold the {what}: {', '.join(fitting)}"
+        raise UsageError(f"{several}; name one with {option}{each}")
     if possible:
         makeshift = "pulses" if option == "--wrench" else "poses, rates or commands"
         raise UsageError(
             f"{bag}: no topic holds the {what} ({short}); {' or '.join(possible)} may serve if it holds {makeshift}: "
             f"name it with {option}; the bag holds {there}"
         )
-    raise UsageError(f"{bag}: no topic holds the {what} ({short}); it holds {there}")
+    way = "; what other messages hold can be written as CSV (`./hindrax bag extract`), and its columns named"
+    if option == "--wrench":
+        each = _way_of_each(topic for topic in topics if topics[topic] not in VELOCITY_TYPES)
+        way = each or f"; an array with a number per thruster is named as --wrench TOPIC:FIELD=N (N, us or ratio){way}"
+    raise UsageError(f"{bag}: no topic holds the {what} ({short}); it holds {there}{way if topics else ''}")
 
 
 # ---- axes and times

@@ -1,7 +1,8 @@
 """Values of single thrusters in the messages of any type: pulses, forces, or shares of full throttle.
 
 `--wrench /esc/set:throttle=ratio` names the topic, the field that holds one number per output channel, and what the
-numbers are. Nearly every vehicle has a message of its own for them, and none of these types can be known before.
+numbers are. Nearly every vehicle has a message of its own for them, and none of these types can be known before. Where
+each thruster has a topic of its own, as in simulators, `/rov/thrusters/*/thrust=N` names them all.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,6 +18,10 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 
 PULSES, FORCES, THROTTLES = "us", "N", "ratio"
+EACH = "*"
+"""In a name for topics that have one number each: where they differ."""
+FIELDS = {"geometry_msgs/msg/WrenchStamped": "wrench.force.x", "geometry_msgs/msg/Wrench": "force.x"}
+"""Fields of such topics by type: a thruster pushes along the x of its own frame."""
 UNITS = {
     PULSES: "pulses [us], converted to newtons by the curves of the vehicle file",
     FORCES: "forces of the thrusters [N], positive along their directions in the vehicle file",
@@ -47,7 +52,8 @@ class ThrusterValues:
 
     def path(self, kind: str) -> str:
         """Path of the field in a message of this type; empty where it is neither named nor known."""
-        return self.field or PULSE_FIELDS.get(kind, "")
+        own = FIELDS.get(kind, "data") if EACH in self.topic else PULSE_FIELDS.get(kind, "")
+        return self.field or own
 
     def row(self, kind: str, content: object) -> list[float]:
         """Numbers of a decoded message; UsageError when its field holds none."""
@@ -58,10 +64,11 @@ class ThrusterValues:
                 raise UsageError(f"{self.topic}: {kind} has no {name!r} at {self.path(kind)!r}; there are {fields}")
             found = getattr(found, name)
         try:
-            return [float(value) for value in found]
+            return [float(found)] if EACH in self.topic else [float(value) for value in found]
         except (TypeError, ValueError) as error:
-            shown = type(found).__name__
-            raise UsageError(f"{self.topic}: {self.path(kind)} is {shown}, wanted an array of numbers") from error
+            wanted = f"{self.path(kind)} is {type(found).__name__}, wanted an array of numbers"
+            several = "one number, of one topic per thruster, is named with a * for the number of the thruster"
+            raise UsageError(f"{self.topic}: {wanted}; {several}") from error
 
     def unit_of(self, rows: Sequence[Sequence[float]]) -> str:
         """The named unit, or microseconds where all numbers are servo pulses; else UsageError: nothing is guessed."""

@@ -104,7 +104,10 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     """Options that select from the records, for `opened`."""
     add = parser.add_argument
     add("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
-    forces = "forces, or TOPIC:FIELD=us, N or ratio for an array with a value per output; default: found by type"
+    forces = (
+        "forces, or TOPIC:FIELD=us, N or ratio for an array with a value per output; with a * in TOPIC for the number "
+        "where each thruster has one; default: found by type"
+    )
     add("--wrench", default="", metavar="TOPIC", help=forces)
     axes = "axes; default: by the frame name; world: velocities of an odometry"
     add("--frame", choices=FRAMES, default="", help=axes)
