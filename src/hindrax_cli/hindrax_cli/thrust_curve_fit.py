@@ -18,7 +18,6 @@ from hindrax_core.text.digits import measured
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.thrust.curves import Curve, problems_of
 from hindrax_ident.arrays import Array
-from hindrax_laboratory import plots
 from hindrax_laboratory.bollard import COEFFICIENTS, COLUMNS, BollardCurve, Direction, fit, vehicle_block
 from hindrax_laboratory.measured_table import BASIC_ESC_us, MeasuredTable, measured_table
 from hindrax_laboratory.thruster_sheets import Sheet, is_published, sheets_of
@@ -57,6 +56,8 @@ def fitted(arguments: argparse.Namespace) -> tuple[BollardCurve | MeasuredTable,
         return _tabulated(
             arguments, sheets_of(arguments.record, arguments.supply) if published else [_sweep(arguments)]
         )
+    from hindrax_laboratory import plots  # noqa: PLC0415  # of all experiments, slow to import
+
     columns = read_record(arguments.record, COLUMNS, arguments.field)
     curve = fit(
         columns["pulse_us"],
@@ -93,6 +94,8 @@ def _sweep(arguments: argparse.Namespace) -> Sheet:
 
 
 def _tabulated(arguments: argparse.Namespace, sheets: Sequence[Sheet]) -> tuple[MeasuredTable, str]:
+    from hindrax_laboratory import plots  # noqa: PLC0415  # of all experiments, slow to import
+
     found = measured_table(sheets, arguments.stop, arguments.dead_band)
     save_plot(arguments.plot, plots.thrust_table, sheets, found)
     sigma = MANUFACTURER_SIGMA if arguments.load_cell_std is None else arguments.load_cell_std

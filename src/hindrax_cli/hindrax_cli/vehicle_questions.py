@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_cli.vehicle_edit import on_one_line
 from hindrax_cli.vehicle_plausibility import (
     ANGLE,
@@ -31,7 +30,6 @@ from hindrax_core.readings import Vec3
 from hindrax_core.sensor_table import SENSORS, Capability
 from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Limits, vehicle_from_text
-from hindrax_ident.model.empirical_model import Dimensions, empirical, hydrodynamics_of
 
 RIGHTING_ARM_m = 0.05
 SPREAD = 0.8
@@ -336,6 +334,10 @@ def kept_answers(file: Path) -> Answers:
 
 def file_text(name: str, answers: Answers) -> str:
     """Vehicle file: what was answered, and for the rest assumptions that are marked as such."""
+    # The other uses of a vehicle file need no SciPy.
+    from hindrax_analysis.exports.vehicle_block import block_text  # noqa: PLC0415
+    from hindrax_ident.model.empirical_model import Dimensions, empirical, hydrodynamics_of  # noqa: PLC0415
+
     (mass_kg,), size, density = answers["mass"], answers["size"], Water().density_kgpm3
     length, width, height = size
     known: dict[str, object] = {

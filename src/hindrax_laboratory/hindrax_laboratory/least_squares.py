@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares as minimize
 
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
@@ -124,6 +123,8 @@ def fit_curve(residual: Callable[[Array], Array], start: Array, scale: Array, na
     HindraxError
         When the record cannot separate the parameters.
     """
+    from scipy.optimize import least_squares as minimize  # noqa: PLC0415  # slow to import
+
     found = minimize(residual, start, x_scale=scale, diff_step=np.full(start.size, 1e-6), max_nfev=MOST_STEPS)
     jacobian, values = array(found.jac), array(found.x)
     size = np.linalg.norm(jacobian, axis=0)

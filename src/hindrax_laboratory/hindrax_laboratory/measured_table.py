@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
 from hindrax_core.errors import HindraxError
 from hindrax_core.thrust.table import ThrustTable
@@ -133,6 +132,8 @@ def _strict(pulses: Array, forces: Array, where: str) -> tuple[Array, Array]:
     Pulses that share a force become one knot: at their middle, or at the one nearest to the dead band where they begin
     or end the direction. The end of full thrust keeps its pulse, and is flat up to that knot.
     """
+    from scipy.optimize import isotonic_regression  # noqa: PLC0415  # slow to import
+
     fit = isotonic_regression(np.minimum(forces, 0.0))
     starts = fit.blocks[:-1]
     values = fit.x[starts]

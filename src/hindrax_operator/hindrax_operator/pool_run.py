@@ -12,7 +12,6 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hindrax_analysis.coefficients_file import MOCK_WORLD
 from hindrax_analysis.plain import print_json
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
@@ -219,6 +218,8 @@ def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
 
 def simulated_world(facts: Mapping[str, Any]) -> list[str]:
     """Effects that the mock has simulated beside the model, for the report; none for a real vehicle."""
+    from hindrax_analysis.coefficients_file import MOCK_WORLD  # noqa: PLC0415  # with SciPy: no start waits for it
+
     world = facts.get("world") or {}
     sizes = (f"{name} {size:.3g} {facts['world_units'][name]}".removesuffix(" -") for name, size in world.items())
     return [f"{MOCK_WORLD}: {', '.join(sizes)}"] if world else []

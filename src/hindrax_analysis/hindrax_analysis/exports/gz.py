@@ -23,7 +23,6 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import yaml
-from scipy.optimize import nnls
 
 from hindrax_analysis.exports.export_model import (
     LOWEST_SHARE,
@@ -183,6 +182,8 @@ def two_sided(drag: Drag, top: float) -> tuple[float, float, float]:
     ahead, astern = (q_ahead * speed + l_ahead) * speed, (q_astern * speed + l_astern) * speed
     rows = [np.column_stack((speed, speed**2, none)) / ahead[:, None]]
     rows.append(np.column_stack((speed, none, speed**2)) / astern[:, None])
+    from scipy.optimize import nnls  # noqa: PLC0415  # slow to import
+
     found, _ = nnls(np.vstack(rows), np.ones(2 * len(speed)))
     k_l, ahead_q, astern_q = (float(value) for value in found)
     return k_l, ahead_q, astern_q

@@ -24,7 +24,6 @@ from typing import Literal, TypeAlias
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from scipy.optimize import nnls
 
 from hindrax_analysis.exports.export_model import (
     LOWEST_SHARE,
@@ -275,6 +274,8 @@ def _fit(model: ExportModel, faces: Faces, axis: int, other: DragBox | None) -> 
     # Relative to the whole force: what matters is the speed at which a thrust is met.
     columns = faces.columns(axis, speed) / wanted[:, None]
     scale = np.linalg.norm(columns, axis=0)
+    from scipy.optimize import nnls  # noqa: PLC0415  # slow to import
+
     scaled, _ = nnls(columns / scale, missing / wanted)
     return np.asarray(scaled / scale)
 

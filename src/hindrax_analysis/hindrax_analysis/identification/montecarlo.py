@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from hindrax_analysis.plain import plain
 from hindrax_ident.arrays import Array
@@ -218,7 +218,7 @@ def _rms(values: Array) -> float:
 
 def by_chance(runs: int) -> tuple[float, float]:
     """95 % interval of the ratio over this many runs, for an estimator exactly at its bound."""
-    low, high = np.sqrt(chi2.ppf([0.025, 0.975], runs) / runs)
+    low, high = np.sqrt(chdtri(runs, [0.975, 0.025]) / runs)
     return float(low), float(high)
 
 
