@@ -110,7 +110,7 @@ def test_the_wheel_is_not_told_to_set_up_a_clone(monkeypatch: pytest.MonkeyPatch
 def test_a_muted_stream_fails_no_more_at_the_end_of_its_process() -> None:
     """What stands in a buffer is flushed again when Python ends, which makes its exit code 120."""
     ends = "import sys; from hindrax_core.text.screen_text import mute; print('x'); mute(sys.stdout) if {} else None"
-    found = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    found = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONUNBUFFERED": ""}
     with Path("/dev/full").open("w") as full:
         codes = [
             subprocess.run(
