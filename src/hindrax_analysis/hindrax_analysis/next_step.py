@@ -9,6 +9,11 @@ UNKNOWN = 1.0
 """Standard deviation of a drag as a share of it from which on it is unknown: it may as well be none [-]."""
 SYMPTOMS = (Code.UNKNOWN_DRAG, Code.POORLY_KNOWN_DRAG, Code.JOINT_UNKNOWN_DRAG)
 """They say that the drag is unknown, others why."""
+MISREAD = (
+    Code.AGAINST_THRUST, Code.WRONG_THRUSTERS, Code.SWAPPED_VELOCITIES, Code.TURNED_VELOCITY, Code.IMPLAUSIBLE_SPEED,
+    Code.IMPLAUSIBLE_MASS, Code.IMPLAUSIBLE_DRAG,
+)  # fmt: skip
+"""They say that signs, axes or units are wrong: a longer record would be as wrong."""
 
 
 def quoted_share(share: float, digits: int = 1) -> str:
@@ -40,6 +45,11 @@ def shares_of_step(result: MotionResult) -> tuple[float, float] | None:
         return None
     now, then = std / force, result.next_step.std / force
     return (now, then) if math.isfinite(now) else None
+
+
+def misread(result: MotionResult) -> str:
+    """What is wrong with signs, axes or units of a record; empty where nothing is known to be."""
+    return next((one for one in result.reasons if one.code in MISREAD), "")
 
 
 def lacking(result: MotionResult) -> str:

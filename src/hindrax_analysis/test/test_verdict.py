@@ -162,6 +162,20 @@ def test_where_no_step_makes_a_drag_known_it_says_what_the_record_lacks_and_no_s
     assert capsys.readouterr().out.splitlines()[0] == f"best next step: {FLY_TWICE}; {bought}"
 
 
+def test_where_motions_run_against_their_thrust_no_other_record_is_the_next_step(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Of a force with the sign of other axes, twice the time was said to make the drag better known."""
+    turned = objection(Code.AGAINST_THRUST)
+    sway = replace(SWAY, reasons=(objection(Code.HARDLY_MOVED, speed=0.01, unit="m/s"), turned))
+    motions = {"surge": SURGE, "sway": sway, "yaw": replace(sway, motion="yaw")}
+    assert _next(sway) == f"<p>Best next step: {turned}.</p>"
+    show_next(motions, NextReport("./hindrax identify a.csv --report a.html"))
+    assert capsys.readouterr().out == (
+        f"best next step: sway, yaw: {turned}\n  ./hindrax identify a.csv --report a.html\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("flight", "motion", "words"),
     [

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from hindrax_analysis.identification.pool_session import WEIGHED
-from hindrax_analysis.next_step import UNKNOWN, lacking, quoted_share, shares_of_step
+from hindrax_analysis.next_step import UNKNOWN, lacking, misread, quoted_share, shares_of_step
 from hindrax_analysis.terminal import print_table
 from hindrax_core.text.digits import TWO_SIDED_95, last_place
 from hindrax_core.text.screen_text import print_fitted, print_whole
@@ -156,7 +156,8 @@ def _short(error: float) -> str:
 def show_next(motions: Mapping[str, MotionResult], following: NextCommand) -> None:
     """Print the best next step for the worst drag, what it buys at best, and its command.
 
-    Where the drag of every motion stays unknown after it, print what the record of the nearest one lacks.
+    Where the drag of every motion stays unknown after it, print what the record of the nearest one lacks; where signs,
+    axes or units are wrong, that.
 
     Parameters
     ----------
@@ -165,6 +166,11 @@ def show_next(motions: Mapping[str, MotionResult], following: NextCommand) -> No
     following
         Knows the command of a step.
     """
+    if wrong := shared({name: [why] for name, one in motions.items() if (why := misread(one))}):
+        names, reason = wrong[0]
+        print_fitted(f"best next step: {', '.join(names)}: {reason}")
+        _print_command(following.words(names[0], FLY_TWICE))
+        return
     steps = {name: shares for name, one in motions.items() if (shares := shares_of_step(one)) is not None}
     # Of a motion that hardly moved nothing would be known after the next step either.
     if known := {name: shares for name, shares in steps.items() if shares[0] < UNKNOWN}:
@@ -183,5 +189,9 @@ def show_next(motions: Mapping[str, MotionResult], following: NextCommand) -> No
     else:
         words = following.words(worst.motion, FLY_TWICE)
         print_fitted(f"best next step: another record of {worst.motion}; this one lacks: {lacking(worst)}")
+    _print_command(words)
+
+
+def _print_command(words: Sequence[str]) -> None:
     if words:
         print_whole(f"  {' '.join(words)}")

@@ -8,7 +8,7 @@ from html import escape
 
 from hindrax_analysis.coefficients_file import MOCK_WORLD, TABULATED, ResultConditions, SavedCoefficients
 from hindrax_analysis.correction import what_was_corrected
-from hindrax_analysis.next_step import UNKNOWN, lacking, quoted_share, shares_of_step
+from hindrax_analysis.next_step import UNKNOWN, lacking, misread, quoted_share, shares_of_step
 from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.report.chart import figure
 from hindrax_analysis.report.figures import (
@@ -190,6 +190,8 @@ def _motion(report: RunReport, result: MotionResult) -> str:
 
 def _next(result: MotionResult) -> str:
     """Next experiment, and the deviation of the drag after it; what comes first where the drag stays unknown."""
+    if wrong := misread(result):
+        return f"<p>{prose(f'Best next step: {wrong}.')}</p>"
     step, shares = result.next_step, shares_of_step(result)
     if step is None or shares is None:
         return ""
