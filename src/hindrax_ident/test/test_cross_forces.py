@@ -1,5 +1,6 @@
 """What motion along the other axes does to one, in the live estimate."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import array
-from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.model.six_axes import State, cross_terms, inertial_force, symmetric
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.model.coriolis import USUAL_MASS_RATIO_SIGMA
+from hindrax_ident.model.motion_model import model_of, rigid_mass
+from hindrax_ident.model.six_axes import State, cross_terms, inertial_force, symmetric, whole_speed
 from hindrax_ident.online.cross_forces import CrossForces
 from hindrax_ident.online.record_session import RecordSession
 
@@ -18,31 +20,38 @@ BOX = Vehicle("box", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4),
 STEP_S = 0.05
 
 
-@pytest.mark.parametrize("axis", range(6))
-def test_columns_are_the_terms_of_the_six_axes_behind_the_filter(axis: int) -> None:
-    """Of velocities that change linearly, with a filter that takes a second: against a sum over short steps."""
-    nu0, nu1 = np.random.default_rng(axis).normal(0.0, 0.4, (2, 6))
-    cross, steps, rate = CrossForces(BOX, model_of(BOX, axis)), 200, 1.0
-    path = np.linspace(nu0, nu1, 20_001)
-    state = State(path, np.tile(nu1 - nu0, (len(path), 1)), np.zeros_like(path), np.zeros((len(path), 2)))
-    kept = np.exp(-rate * np.linspace(1.0, 0.0, len(path)))
-    wanted = [
-        np.trapezoid(kept * term.sigma * term.force(state).get(axis, np.zeros(len(path))), dx=1.0 / (len(path) - 1))
-        for term in cross_terms(BOX, axis)
+def impulses(axis: int, begin: Array, end: Array) -> tuple[Array, Array]:
+    """Filtered columns over a second in which all velocities change evenly, and the terms of the six axes, summed."""
+    model = model_of(BOX, axis)
+    path = array(np.linspace(begin, end, 4001))
+    state = State(path, np.tile(end - begin, (len(path), 1)), np.zeros_like(path), np.zeros((len(path), 2)))
+    forces = [
+        term.sigma * term.force(state).get(axis, np.zeros(len(path)))
+        for term in (*cross_terms(BOX, axis), whole_speed(BOX, axis))
     ]
-    cross.nu = tuple(nu0)
-    cross.restart(nu0[axis])
+    for other in {0, 1, 2, 3, 4, 5} - {axis}:
+        mass = USUAL_MASS_RATIO_SIGMA * rigid_mass(BOX, other) * symmetric((other, other))
+        forces.append(inertial_force(array(mass), path, np.zeros_like(path))[:, axis])
+    kept = np.exp(np.linspace(-1.0, 0.0, len(path)))
+    cross, steps = CrossForces(BOX, model), 200
+    cross.nu = tuple(begin.tolist())
+    cross.restart(float(begin[axis]))
+    gone = -math.expm1(-1.0 / steps)
+    last = 1.0 - gone * steps
     for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
-        nu = nu0 + part * (nu1 - nu0)
-        cross.nu = tuple(nu)
-        step = 1.0 / steps
-        gone = -np.expm1(-rate * step)
-        last = (step - gone / rate) / (rate * step)
-        cross.advance(step, (1.0 - gone, gone / rate - last, last), float(nu[axis]))
-    found = np.array(cross.filtered)
-    for one in wanted:
-        if abs(one) > 1e-6:
-            assert np.abs(found - one).min() < 1e-4 * np.abs(found).max(), "a column for each term that acts"
+        nu = begin + part * (end - begin)
+        cross.nu = tuple(nu.tolist())
+        cross.advance(1.0 / steps, (1.0 - gone, gone - last, last), float(nu[axis]))
+    return array(cross.filtered), array([np.trapezoid(kept * one, dx=1.0 / (len(path) - 1)) for one in forces])
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_columns_have_the_prior_of_the_terms_of_the_six_axes_behind_the_filter(axis: int) -> None:
+    """Rotated, so their products over different motions are compared; the filter takes a second."""
+    ways = np.random.default_rng(axis).normal(0.0, 0.4, (4, 2, 6))
+    found, wanted = (np.stack(one) for one in zip(*(impulses(axis, *map(array, way)) for way in ways), strict=True))
+    assert found @ found.T == pytest.approx(wanted @ wanted.T, rel=1e-3, abs=1e-4 * np.abs(wanted @ wanted.T).max())
+    assert found.shape[1] <= wanted.shape[1]
 
 
 def test_an_outlier_leaves_no_trace() -> None:

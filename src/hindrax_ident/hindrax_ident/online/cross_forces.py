@@ -5,9 +5,9 @@ and pitch a hundred times as large; taken for noise, they make an estimate confi
 with the prior that the fit of all axes has (`model.six_axes`), and one for what the mass of each other axis differs
 from that which is taken for known (`coriolis`).
 
-Symbols. nu (6,) velocities, m the k columns, each of one prior deviation. A force of a hull is a sum of products of two
-velocities, one of them perhaps without its sign, and of turns by the speed of the center: linear in the features f(nu),
-so m = A nu' + B f(nu), A (k, 6) of the masses that this axis shares with others.
+Symbols. nu (6,) velocities, m the k columns: combinations of those terms, each of one prior deviation. A force of a
+hull is a sum of products of two velocities, one of them perhaps without its sign, and of turns by the speed of the
+center: linear in features f(nu), so m = A nu' + B f(nu), A (k, 6) of the masses that this axis shares with others.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from hindrax_ident.model.six_axes import State, cross_terms, inertial_force, sym
 
 _FIRST, _SECOND = np.triu_indices(6)
 NOTHING = 1e-9
-"""Share of a column's largest coefficient below which one is rounding."""
+"""Share of the largest combination below which one is rounding."""
 
 
 class CrossForces:
@@ -46,10 +46,11 @@ class CrossForces:
             accelerated.append(np.zeros(6))
         features = np.stack([self._features(one) for one in nu])
         B = np.linalg.lstsq(features, np.stack(columns, axis=1), rcond=None)[0].T
-        B[np.abs(B) < NOTHING * np.abs(B).max(axis=1, keepdims=True)] = 0.0
-        A = np.array(accelerated)
-        acts = np.any(A, axis=1) | np.any(np.abs(B) > 0.0, axis=1)
-        self._A, self._B = array(A[acts]), array(B[acts])
+        # Some do the same, such as lift and the masses of surge and heave in pitch: as few combinations of them, of one
+        # deviation each, have the same prior.
+        _, sizes, rows = np.linalg.svd(np.hstack([accelerated, B]), full_matrices=False)
+        independent = (sizes[:, None] * rows)[sizes > NOTHING * sizes[0]]
+        self._A, self._B = array(independent[:, :6]), array(independent[:, 6:])
         self.nu: Sequence[float] = ZERO6
         self.restart(0.0)
 

@@ -20,6 +20,8 @@ from hindrax_ident.records.feed import StampSorter
 from hindrax_ident.tuning import Tuning, for_foreign_records
 
 SOURCE = "record"
+EVERY_S = 0.2
+"""Least time between two estimates of an axis: one takes longer than learning from a sample, and there are six axes."""
 
 
 class RecordSession:
@@ -29,7 +31,7 @@ class RecordSession:
         tuning = for_foreign_records(tuning or Tuning())
         self._vehicle = vehicle
         self._sorter: StampSorter[IdentEvent] = StampSorter(tuning.reorder_s, tuning.lagging_s)
-        self._sessions = [Session(vehicle, tuning) for _ in AXES]
+        self._sessions = [Session(vehicle, tuning, every_s=EVERY_S) for _ in AXES]
         self._pushed = [False] * len(AXES)
         self._started = False
 
