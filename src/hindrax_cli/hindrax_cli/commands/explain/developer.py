@@ -19,8 +19,8 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 
 PYTEST = [sys.executable, "-m", "pytest"]
-WORKERS = len(os.sched_getaffinity(0)) + 1
-"""One more than there are cores: tests with real processes wait half of their time."""
+WORKERS = len(os.sched_getaffinity(0)) + 2
+"""Two more than there are cores: tests with real processes wait half of their time."""
 ALL = [*PYTEST, "-n", str(WORKERS), "--durations", "10"]
 QUICK = (
     ("style", [sys.executable, "-m", "ruff", "check", "--quiet"]),
