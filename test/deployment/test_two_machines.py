@@ -26,7 +26,7 @@ pytestmark = [
         importlib.util.find_spec("hindrax_msgs") is None, reason="needs the built workspace: run ./hindrax test"
     ),
 ]
-UP = ("-m", "hindrax_cli", "up", "--mock")
+UP = ("-m", "hindrax_cli", "up", "--mock", "--set", "thrusters.arming_s:=1.0")
 
 
 @pytest.fixture(scope="module")

@@ -102,7 +102,7 @@ def wait_for(done: Callable[[], bool], terminal: Terminal) -> None:
 def up(terminal: Terminal) -> Iterator[psutil.Process]:
     """A stack in mock, in a ROS domain of its own; yields the process that looks after it."""
     out = terminal.folder / "run"
-    child = terminal.start("up", "--mock", "--record", "--out", str(out))
+    child = terminal.start("up", "--mock", "--record", "--set", "thrusters.arming_s:=1.0", "--out", str(out))
     first = line_of(child)
     assert "mock vehicle, ROS domain" in first, terminal.errors("up")
     wait_for(lambda: {"pilot: ok", "thrusters: ok"} <= set(terminal.errors("up").splitlines()), terminal)
@@ -113,6 +113,16 @@ def up(terminal: Terminal) -> Iterator[psutil.Process]:
     assert [one for one in family if one.is_running() and one.status() != psutil.STATUS_ZOMBIE] == []
     assert (out / "bag" / "metadata.yaml").is_file()
     assert list((terminal.folder / "runtime").glob("*.json")) == []
+
+
+def test_without_a_stack_commands_say_what_is_missing(tmp_path: Path, terminal: Terminal, ros_domain: int) -> None:
+    alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": str(ros_domain)}, tmp_path)
+    code, _, printed = alone.run("disarm")
+    assert code == 1
+    assert "the thrusters node to offer thrusters/arm; `./hindrax health` shows the state of its stack" in printed
+    code, _, printed = alone.run("stop")
+    assert code == 1
+    assert "cut the power" in printed
 
 
 @pytest.mark.usefixtures("up")
@@ -297,13 +307,3 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: 
     finally:
         child.send_signal(signal.SIGINT)
         assert child.wait(PATIENT_S) == 130, terminal.errors("web")
-
-
-def test_without_a_stack_commands_say_what_is_missing(tmp_path: Path, terminal: Terminal, ros_domain: int) -> None:
-    alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": str(ros_domain)}, tmp_path)
-    code, _, printed = alone.run("disarm")
-    assert code == 1
-    assert "the thrusters node to offer thrusters/arm; `./hindrax health` shows the state of its stack" in printed
-    code, _, printed = alone.run("stop")
-    assert code == 1
-    assert "cut the power" in printed
