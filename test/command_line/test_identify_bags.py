@@ -16,7 +16,7 @@ from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, t
 from hindrax_bag.read import bag_reader, compression
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_control.allocation.thrust_curve import thrust_curves
+from hindrax_control.allocation.thrust_curve import AppliedWrench, thrust_curves
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, array
 
@@ -55,6 +55,7 @@ DEFINITIONS = {
     f"bool velocity_valid\n{PARTS}",
     "my_msgs/msg/Stamped": f"{STAMPED}float64 data\n{PARTS}",
     "std_msgs/msg/Float64": "float64 data\n",
+    "sensor_msgs/msg/BatteryState": f"{STAMPED}float32 voltage\n{PARTS}",
     "mavros_msgs/msg/RCOut": f"{STAMPED}uint16[] channels\n{PARTS}",
     "my_msgs/msg/Escs": f"{STAMPED}Set set\nstring mode\n{PARTS}{'=' * 80}\nMSG: my_msgs/Set\nfloat32[] throttle\n",
 }
@@ -488,6 +489,32 @@ def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path: Path) 
     branch = vehicle.curves["main"].negative
     assert found.wrench[:, 0] == pytest.approx(-2.0 * math.cos(math.radians(55.0)) * branch.force_N(1300.0))
     assert found.wrench[:, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("volts", "supply_V", "note"),
+    [
+        ((12.0, 12.0), 12.0, "thrust follows the curves at the logged 12.0 to 12.0 V"),
+        ((0.0, 0.0), None, "no supply voltage is logged"),
+        ((), None, "no supply voltage is logged"),
+    ],
+    ids=["measured", "not wired", "not recorded"],
+)
+def test_pulses_become_forces_at_the_voltage_of_the_bag_s_battery(
+    tmp_path: Path, volts: tuple[float, ...], supply_V: float | None, note: str
+) -> None:
+    """At the file's in silence, they were a fifth too large for a battery that is half empty."""
+    vehicle = load_vehicle(default_vehicle())
+    velocities, (t_w, _) = flown(end_s=10.0)
+    pulses = [(t, {"header": header_of(START_S + t, ""), "channels": [1700] * 8}) for t in t_w.tolist()]
+    battery = [(5.0 * at, {"header": header_of(START_S + at, ""), "voltage": one}) for at, one in enumerate(volts)]
+    topics = [reported(velocity_message, ODOMETRY, velocities), (RC_OUT, "/mavros/rc/out", pulses)]
+    if battery:
+        topics.append(("sensor_msgs/msg/BatteryState", "/mavros/battery", battery))
+    bag = bag_of(tmp_path / "a.mcap", topics)
+    (found,) = read_bag(bag, TopicSelection(wrench="/mavros/rc/out"), topics_of(bag), vehicle)
+    assert found.forces[5] == pytest.approx(AppliedWrench(vehicle, supply_V).forces_N([1700.0] * 8))
+    assert any(note in one for one in found.assumptions)
 
 
 @pytest.mark.parametrize("since_s", [-4.0, 1.0, 4.0], ids=["before the flight", "in it", "twice"])

@@ -29,7 +29,7 @@ from std_srvs.srv import Trigger
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, AppliedWrench
 from hindrax_control.nodes import allocator_node, pilot_node
 from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_control.nodes.navigator_node import NavigatorNode
@@ -528,6 +528,28 @@ def test_the_stamps_of_an_autopilot_s_outputs_may_begin_again(
     for ago in (0, wrap_ns, 3 * wrap_ns, 10**11, now - 10**9):
         hear_pulses(thrust, Header(stamp=stamp_to_msg(now - ago)), [1500] * 8)
     assert [now - stamp_from_msg(one.header.stamp) for one in sent] == [0, 0, 0, 10**11, now - 10**9]
+
+
+def test_the_thrust_of_anybodys_pulses_is_that_at_the_battery_s_voltage(
+    desk: tuple[Identifier, ThrustNode], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `/mavros/battery` tells it: 12 V in place of the 16 V of the file were a third too much thrust."""
+    _, thrust = desk
+    sent: list[Any] = []
+    monkeypatch.setattr(thrust, "_out", SimpleNamespace(publish=sent.append))
+    now = thrust.now()
+    monkeypatch.setattr(thrust, "now", lambda: now)
+    for voltage in (0.0, 12.0, math.nan, 400.0):
+        thrust._on_battery(BatteryState(voltage=voltage))
+        hear_pulses(thrust, Header(), [1700] * 8)
+    at_12V, nominal = (AppliedWrench(thrust._vehicle, supply_V) for supply_V in (12.0, None))
+    wanted = [one.wrench(one.forces_N([1700.0] * 8)) for one in (nominal, at_12V, at_12V, at_12V)]
+    assert [wrench_from_msg(one) for one in sent] == [pytest.approx(one) for one in wanted]
+    assert abs(wanted[1][2]) < 0.9 * abs(wanted[0][2])
+    assert thrust._reporter.refusals.counts == {"battery": 2}
+    now = after(now, 60.0)
+    hear_pulses(thrust, Header(), [1700] * 8)
+    assert wrench_from_msg(sent[-1]) == pytest.approx(wanted[0]), "a battery that is silent no longer counts"
 
 
 def test_pulses_that_are_none_are_refused_and_become_no_wrench(

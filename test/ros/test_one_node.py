@@ -256,6 +256,7 @@ def test_the_identifier_receives_any_navigator_allocator_and_pilot(around: Surro
 def test_pulses_of_anybody_become_the_wrench_that_they_achieve(around: Surroundings) -> None:
     around.run(
         "ros2 run hindrax_control thrust --ros-args -r __ns:=/myrov -p vehicle:=myrov.yaml -r pulses:=/mavros/rc/out"
+        " -r battery:=/mavros/battery"
     )
     vehicle = load_vehicle(default_vehicle())
     pulses = [1500 + 40 * index for index in range(8)]
@@ -288,7 +289,8 @@ def test_a_bluerov_on_ardusub_is_identified_beside_mavros(around: Surroundings, 
     learned: list[ModelEstimate] = []
     around.node.create_subscription(ModelEstimate, "/bluerov/ident/estimate", learned.append, 200)
     ours = "--ros-args -r __ns:=/bluerov -p vehicle:=bluerov.yaml"
-    around.run(f"ros2 run hindrax_control thrust {ours} -r pulses:=/mavros/rc/out", ARDUSUB_PAGE)
+    of_mavros = "-r pulses:=/mavros/rc/out -r battery:=/mavros/battery"
+    around.run(f"ros2 run hindrax_control thrust {ours} {of_mavros}", ARDUSUB_PAGE)
     around.run(f"ros2 run hindrax_ident identifier {ours} -r odometry:=/mavros/local_position/odom", ARDUSUB_PAGE)
     around.start([sys.executable, ROOT / "test" / "mavros_stand_in.py", "40", "4"])
     around.until(lambda: any(one.motion == "surge" and one.state == "learning" for one in learned))

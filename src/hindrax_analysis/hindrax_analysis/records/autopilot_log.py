@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from hindrax_analysis.records.ardupilot_log import ArduPilotLog, Quantity, Tables, claimed, read_starts
 from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.recording import Recording, forces_of_pulses, wrenches_of_forces
+from hindrax_analysis.records.thruster_values import supplies_at
 from hindrax_control.allocation.thrust_curve import SERVO_US
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -45,10 +46,6 @@ PX4_FIELDS: dict[str, tuple[Quantity, tuple[str, ...]]] = {
 }
 VALID = ("v_xy_valid", "v_z_valid")
 """Fields without which a row is no measurement."""
-LEAST_V, MOST_V = 5.0, 60.0
-"""Another voltage is that of an unconnected monitor."""
-STEP_V = 0.1
-"""Resolution of the voltage in the thrust curves."""
 GRAVITY, HEIGHT_SOURCE, BAROMETER = "BARO_SPEC_GRAV", "EK3_SRC1_POSZ", 1.0
 """Parameters of ArduPilot: specific gravity of the water, and where the estimator has its height from."""
 PASCAL_PER_m, LEAST_SCALE = 9800.0, 0.002
@@ -275,13 +272,7 @@ def _possible_pulses(pulses: tuple[Array, Array], vehicle: Vehicle) -> tuple[tup
 def _forces(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Array, str]:
     """Times (n,) [s], forces (n, k) [N] of the thrusters, and a note on the supply voltage."""
     t, channels = tables["pulses"]
-    volts, note = np.full(len(t), vehicle.supply_V), f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
     supply_t, supply = tables.get("supply", (array(np.zeros(0)), array(np.zeros((0, 1)))))
-    connected = (supply[:, 0] >= LEAST_V) & (supply[:, 0] <= MOST_V)
-    if connected.any():
-        logged = supply[connected, 0]
-        volts = np.interp(t, supply_t[connected], logged)
-        note = f"thrust follows the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
-    supplies_V = (STEP_V * np.round(volts / STEP_V)).tolist()
+    supplies_V, note = supplies_at(t, supply_t, array(supply[:, 0]), vehicle)
     forces = forces_of_pulses(str(path), channels.tolist(), supplies_V, vehicle)
     return t, forces, f"pulses of the outputs are converted by the vehicle file; {note}"

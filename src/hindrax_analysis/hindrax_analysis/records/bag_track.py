@@ -34,7 +34,9 @@ NAMED_VELOCITY_TYPES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
 )
 """Used as velocities only when named: commands, rates alone, and positions have these types too."""
-PRESSURE = "sensor_msgs/msg/FluidPressure"
+PRESSURE, BATTERY = "sensor_msgs/msg/FluidPressure", "sensor_msgs/msg/BatteryState"
+SCALARS = {PRESSURE: "fluid_pressure", BATTERY: "voltage"}
+"""Types of one number, and its field."""
 WRENCH_TYPES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
 
 UNKNOWN = float("nan")
@@ -70,6 +72,8 @@ class Track:
     """Frame of the poses."""
     values: ThrusterValues | None = None
     """Where the messages hold numbers of single thrusters instead of a wrench."""
+    supplies_V: list[float] = field(default_factory=list)
+    """Supply of the thrusters at each of these messages; empty: of the vehicle file."""
 
     def add(self, message: BagMessage) -> None:
         """Append one message; DamagedMessageError, and nothing is appended, where it cannot be decoded."""
@@ -78,8 +82,8 @@ class Track:
         self.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header else 0)
         self.received.append(message.received)
         self.frame = header.frame_id if header else ""
-        if self.kind == PRESSURE:
-            self.rows.append([float(content.fluid_pressure)])
+        if self.kind in SCALARS:
+            self.rows.append([float(getattr(content, SCALARS[self.kind]))])
         elif self.values is not None:
             self.rows.append(self.values.row(self.kind, content))
         elif self.kind in WRENCH_TYPES:
@@ -90,7 +94,7 @@ class Track:
 
     def parted(self, at: Sequence[int]) -> "list[Track]":
         """The messages before and from each index on: one track more than indices."""
-        columns = ("stamped", "received", "rows", "poses")
+        columns = ("stamped", "received", "rows", "poses", "supplies_V")
         ends = itertools.pairwise((0, *at, len(self.received)))
         return [replace(self, **{name: getattr(self, name)[i:end] for name in columns}) for i, end in ends]
 

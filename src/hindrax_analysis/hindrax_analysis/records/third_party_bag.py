@@ -5,13 +5,14 @@ Topics are found by type. Ambiguous axes follow REP-103 and REP-105, and are rep
 
 import fnmatch
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from hindrax_analysis.records.bag_track import (
+    BATTERY,
     COMPARED_S,
     DOPPLER_TYPES,
     NAMED_VELOCITY_TYPES,
@@ -39,6 +40,8 @@ from hindrax_analysis.records.thruster_values import (
     UNITS,
     ThrusterValues,
     forces_of_thrusters,
+    is_connected,
+    supplies_at,
 )
 from hindrax_bag.read.bag_reader import DamagedMessageError, messages
 from hindrax_bag.read.mcap_records import Damage
@@ -152,8 +155,10 @@ def read_bag(
     gyros = [name for name, kind in topics.items() if kind == IMU and name not in (velocity, wrench)]
     # Of MAVROS, these are pressures of the air in the hull.
     pressures = [name for name, kind in topics.items() if kind == PRESSURE and not name.endswith(OF_AIR)]
-    tracks = {name: Track(name, topics[name]) for name in (velocity, *(each or [wrench]), *gyros, *pressures)}
-    for name in each or [wrench]:
+    batteries = [name for name, kind in topics.items() if kind == BATTERY]
+    of_thrust = each or [wrench]
+    tracks = {name: Track(name, topics[name]) for name in (velocity, *of_thrust, *gyros, *pressures, *batteries)}
+    for name in of_thrust:
         if named.path(topics[name]):
             usual = FORCES if topics[name] in FIELDS else PULSES if topics[name].startswith("mavros_msgs/") else ""
             tracks[name].values = replace(named, topic=wrench, unit=named.unit or usual)
@@ -168,7 +173,8 @@ def read_bag(
     for track in (tracks[velocity], tracks[wrench]):
         if not track.received:
             raise UsageError(f"{bag}: none of the messages of {track.topic} can be decoded; record it again")
-    parts = _parts(tracks[velocity], tracks[wrench])
+    supplied, notes = _supplied(tracks[wrench], [tracks[name] for name in batteries], vehicle)
+    parts = _parts(tracks[velocity], supplied)
     steps = "once" if len(parts) == 2 else f"{len(parts) - 1} times"
     back = [f"the stamps of {velocity} step back {steps}: {len(parts)} records"] if len(parts) > 1 else []
     found = [_recording(bag, v, w, wanted.frame, vehicle) for v, w in parts]
@@ -176,7 +182,7 @@ def read_bag(
         found = [_with_inertial(found[0], [tracks[name] for name in gyros], wanted.frame, velocity)]
     if len(parts) == len(pressures) == 1 and not np.isfinite(found[0].attitude[:, 2:]).any():
         found = [_with_depths(found[0], tracks[pressures[0]], vehicle.water if vehicle else Water())]
-    return [replace(one, assumptions=(*one.assumptions, *back, *damage.sentences)) for one in found]
+    return [replace(one, assumptions=(*one.assumptions, *notes, *back, *damage.sentences)) for one in found]
 
 
 def _topics_of_each(bag: Path, topics: Mapping[str, str], named: str) -> list[str]:
@@ -260,6 +266,16 @@ def _parts(velocity: Track, wrench: Track) -> list[tuple[Track, Track]]:
     parts = list(zip(velocity.parted(back), wrench.parted(also), strict=True))
     long = [(v, w) for v, w in parts if len(v.received) >= FEWEST_MESSAGES and w.received]
     return long if len(long) > 1 or (back and long) else [(velocity, wrench)]
+
+
+def _supplied(thrust: Track, batteries: Sequence[Track], vehicle: Vehicle | None) -> tuple[Track, list[str]]:
+    """Pulses with the supply that a battery had as they were received, the first that measured any; and notes."""
+    if thrust.values is None or thrust.values.unit == FORCES or vehicle is None:
+        return thrust, []
+    measured = [(array(1e-9 * np.array(one.received)), array(np.ravel(one.rows))) for one in batteries]
+    times, volts = next(filter(lambda one: is_connected(one[1]).any(), measured), (NO_TIMES, NO_TIMES))
+    supplies_V, note = supplies_at(array(1e-9 * np.array(thrust.received)), times, volts, vehicle)
+    return replace(thrust, supplies_V=supplies_V), [note]
 
 
 def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: Vehicle | None) -> Recording:
@@ -404,7 +420,7 @@ def _forces(
         if vehicle is None or not vehicle.thrusters:
             remedy = "name a vehicle file with thrusters and curves by --vehicle"
             raise UsageError(f"{wrench.topic}: holds values of single thrusters, wanted a wrench; {remedy}")
-        forces = forces_of_thrusters(wrench.values, wrench.rows, vehicle)
+        forces = forces_of_thrusters(wrench.values, wrench.rows, vehicle, wrench.supplies_V)
         return wrenches_of_forces(forces, vehicle), forces
     if wrench.frame or axes.is_given or velocity.kind in DOPPLER_TYPES:
         signs = _signs_to_sname(wrench, axes)

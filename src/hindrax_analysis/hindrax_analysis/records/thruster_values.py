@@ -15,9 +15,13 @@ from hindrax_analysis.records.recording import forces_of_pulses
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, SERVO_US, ThrustCurve, thrust_curves
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array, Flags, array
 
 PULSES, FORCES, THROTTLES = "us", "N", "ratio"
+LEAST_V, MOST_V = 5.0, 60.0
+"""Another voltage is that of an unconnected monitor."""
+STEP_V = 0.1
+"""Resolution of the voltage in the thrust curves."""
 EACH = "*"
 """In a name for topics that have one number each: where they differ."""
 FIELDS = {"geometry_msgs/msg/WrenchStamped": "wrench.force.x", "geometry_msgs/msg/Wrench": "force.x"}
@@ -80,6 +84,36 @@ class ThrusterValues:
         ways = self.remedy or f"{name}={FORCES} for newtons, {name}={THROTTLES} for shares of full throttle"
         found = f"holds {min(values):g} to {max(values):g}, no pulses in microseconds"
         raise UsageError(f"{self.topic}: {found}; name their unit: {ways}")
+
+
+def is_connected(measured_V: Array) -> Flags:
+    """Which voltages (n,) are those of a battery that is wired: (n,)."""
+    return (measured_V >= LEAST_V) & (measured_V <= MOST_V)
+
+
+def supplies_at(t: Array, measured_t: Array, measured_V: Array, vehicle: Vehicle) -> tuple[list[float], str]:
+    """Supply of the thrusters at each time, and a note on where it is from.
+
+    Parameters
+    ----------
+    t : (n,) [s]
+        Of the pulses.
+    measured_t, measured_V : (m,) [s], (m,) [V]
+        Of a battery, none where it is not recorded; what no battery has is left out, such as 0 where none is wired.
+    vehicle
+        Its supply is assumed where none is measured.
+
+    Returns
+    -------
+    tuple[list[float], str]
+        [V] in steps of STEP_V, n of them.
+    """
+    connected = is_connected(measured_V)
+    if not connected.any():
+        return [vehicle.supply_V] * len(t), f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
+    logged = measured_V[connected]
+    volts = STEP_V * np.round(np.interp(t, measured_t[connected], logged) / STEP_V)
+    return volts.tolist(), f"thrust follows the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
 
 
 def forces_of_thrusters(
