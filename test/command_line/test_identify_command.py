@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from identify_desk import START_S, TRUTH, Desk, as_csv, desk, flown, is_true
 
+from hindrax_analysis import api
 from hindrax_analysis.coefficients_file import read_coefficients
 from hindrax_bag.read.recovery import recover
 from hindrax_bringup.clone import clone_root
@@ -38,6 +39,16 @@ def test_csv_gives_the_truth_with_the_smallest_vehicle_file(desk: Desk) -> None:
     assert (document["aborted"], document["aborted_by"]) == (None, None)
     assert document["report"] is None
     assert set(document["motions"]) == {"surge"}
+
+
+def test_the_library_is_as_unsure_as_the_command(desk: Desk) -> None:
+    """It took the force of a file that nobody had calibrated for exact: its intervals missed a gain of 1.15."""
+    told, vehicle = desk.surge(file := desk.csv()), api.load_vehicle(desk.small)
+    for gain_sigma, same in ((None, True), (0.1, True), (0.02, False)):
+        found = api.identify(file, vehicle=vehicle, gain_sigma=gain_sigma).motions["surge"].coefficients
+        for name in ("k_q", "k_l", "added_mass"):
+            assert found[name].value == pytest.approx(told[name]["value"])
+        assert (found["k_q"].std_calibrated == pytest.approx(told["k_q"]["std_calibrated"])) == same
 
 
 def test_a_report_and_a_file_are_left_where_asked(desk: Desk) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from identify_desk import Desk, desk, force_at
 
+from hindrax_analysis import api
 from hindrax_analysis.coefficients_file import read_coefficients
 from hindrax_analysis.testing.ulog import ulog
 from hindrax_cli.command_line import main
@@ -79,6 +80,8 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     told = capsys.readouterr().err
     assert "the log's frame belongs to bluerov2-heavy, whose hull is assumed" in told
     assert "name no outputs" not in told
+    of_library = api.identify(log, vehicle=load_vehicle(ardusub.HEAVY)).vehicle
+    assert [one.name for one in of_library.thrusters if one.reversed] == ["T4"]
     made = tmp_path / "mine.yaml"
     assert main(["vehicle", "new", "mine", "--from", str(log), "--out", str(made)]) == 0
     vehicle = load_vehicle(made)

@@ -20,7 +20,9 @@ from hindrax_analysis.identification.record_identification import (
     identify_sources,
     open_sources,
     recorded_vehicle,
+    usual_gain_sigma,
 )
+from hindrax_analysis.records.autopilot_vehicle import BOX, logged_wiring, wired
 from hindrax_analysis.records.third_party_bag import TopicSelection, topics_of
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.message_columns import message_rows
@@ -35,6 +37,7 @@ from hindrax_ident.assess.results import Results
 from hindrax_ident.model.model_parameters import parameters_of
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, model_of
 from hindrax_ident.model.simulation import Grid, Trajectory, trajectory
+from hindrax_ident.tuning import Tuning
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,6 +89,7 @@ def identify(
     odometry: str = "",
     wrench: str = "",
     frame: str = "",
+    gain_sigma: float | None = None,
 ) -> Results:
     """Identify over bags, run folders or CSV files; several are pooled. Same as `./hindrax identify`.
 
@@ -94,13 +98,17 @@ def identify(
     *records
         Records of one vehicle, flown in any order.
     vehicle
-        Thrusters, masses and prior values; without it the vehicle file in the first bag.
+        Thrusters, masses and prior values; without it the vehicle file in the first bag. One of the box is wired as an
+        ArduSub's log says.
     motions
         Names of axes (`surge`) or motions (`heave_up`); all that moved by default.
     odometry, wrench
         Topics of velocity and force in a third-party bag; found by their types where there is one of each.
     frame
         Axes: `flu` (ROS), `fsd` (SNAME) or `world` (velocities of an odometry); by default those of the frame names.
+    gain_sigma
+        Relative deviation of the gain of the force [-]; by default 0.1 for a vehicle file without thrusters, whose
+        force nobody has calibrated, else by its curves.
 
     Returns
     -------
@@ -113,13 +121,17 @@ def identify(
         Names what is missing: record, topic, vehicle, or a motion of that name.
     """
     selection = TopicSelection(odometry, wrench, frame)
-    sources = open_sources([Path(record) for record in records], selection, vehicle)
+    paths = [Path(record) for record in records]
+    if vehicle is not None and vehicle.name in BOX and (wiring := logged_wiring(paths)):
+        vehicle = wired(vehicle, wiring)
+    sources = open_sources(paths, selection, vehicle)
     if not sources:
         raise UsageError("found no record, wanted at least one")
     of = vehicle or recorded_vehicle(sources[0])
     if of is None:
         raise UsageError(f"{records[0]}: holds no vehicle file; name one by vehicle=load_vehicle(...)")
-    task = IdentificationTask(tuple(axes_named(tuple(motions))))
+    sigma = usual_gain_sigma(of, sources[0]) if gain_sigma is None else gain_sigma
+    task = IdentificationTask(tuple(axes_named(tuple(motions))), tuning=Tuning(wrench_gain_sigma=sigma))
     return identify_sources(sources, of, task).results
 
 

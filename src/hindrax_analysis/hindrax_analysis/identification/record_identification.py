@@ -58,6 +58,8 @@ TABLES = (".xlsx", ".xls", ".ods", ".mat", ".npz", ".npy", ".parquet", ".feather
 """Tables of spreadsheets, MATLAB and Python, which their programs save as CSV."""
 NO_TEXT, LOOKED_AT = re.compile(r"[\0-\x08\x0e-\x1f]"), 4096
 """Characters of no text, and how many of a file are looked at: what a power cut left unwritten stands at its end."""
+GAIN_SIGMA = 0.1
+"""Relative uncertainty of a wrench without a thrust curve in the vehicle file [-]."""
 AGAIN = ", with the masses that the axes have found"
 LONG_S = 90.0
 """Time in records from which the axes are worth a process each."""
@@ -209,6 +211,11 @@ def _text(file: Path) -> str:
 
 
 # ---- identification
+
+
+def usual_gain_sigma(vehicle: Vehicle, source: RecordSource) -> float:
+    """Relative deviation of a wrench's gain beyond the curves of the vehicle file [-]; none where these made it."""
+    return 0.0 if source.recording is None or vehicle.thrusters else GAIN_SIGMA
 
 
 @dataclass(frozen=True, slots=True)

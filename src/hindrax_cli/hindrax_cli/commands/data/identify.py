@@ -27,6 +27,7 @@ from hindrax_analysis.identification.joint_identification import (
     wants_joint_fit,
 )
 from hindrax_analysis.identification.record_identification import (
+    GAIN_SIGMA,
     IdentificationTask,
     RecordSource,
     Span,
@@ -34,6 +35,7 @@ from hindrax_analysis.identification.record_identification import (
     identify_sources,
     open_sources,
     recorded_vehicle,
+    usual_gain_sigma,
     worthwhile,
 )
 from hindrax_analysis.identification.verdict import NextCommand, NextFlight, NextReport, show_next
@@ -68,8 +70,6 @@ OF_ANOTHER = (
 FILTERED = "for the fit of all axes together a filter of {longest_s:.2g} s is undone, which the velocities seem to have"
 UNNAMED = "unnamed vehicle"
 """Not by the name of the Hindrax: what the paper has of that would stand beside it."""
-GAIN_SIGMA = 0.1
-"""Relative uncertainty of a wrench without a thrust curve in the vehicle file [-]."""
 ALL = "all"
 CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
 ABOUT = """
@@ -270,9 +270,9 @@ def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list
 
 def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, notes: list[str]) -> float:
     """Standard deviation of the wrench's gain, beyond the curves of the vehicle file."""
-    if given is None and (source.recording is None or vehicle.thrusters):
+    sigma = usual_gain_sigma(vehicle, source) if given is None else given
+    if given is None and not sigma:
         return 0.0
-    sigma = GAIN_SIGMA if given is None else given
     notes.append(
         f"the gain of the wrench is assumed within {sigma:.0%} (--gain-sigma): it is part of the calibrated uncertainty"
     )
