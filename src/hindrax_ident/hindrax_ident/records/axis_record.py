@@ -21,6 +21,10 @@ NEUTRAL_S = 2.0
 """For so long, at least, thrusters are at rest after a command of zero."""
 LAG_FORGOTTEN_S = 0.5
 """After a time without commands the thrust of the first is unknown for so long: it depends on the one before."""
+LOST_S, LOST_PERIODS, REPEATED = 0.25, 5.0, 0.2
+"""Pause of a thrust in which messages were lost, at least and in periods of the sender; and share of its messages that
+repeat the one before, from which a sender has a rate: 0.4 to 0.9 of our allocator's, none of commands that are sent
+when they change."""
 EMPTY: Array = np.zeros(0)
 SPAN_S = 0.5
 """Time over which a velocity is a mean, where its noise must not count."""
@@ -425,11 +429,36 @@ def is_fresh(measured: Array, thrust: Series, age_s: float) -> Flags:
         (n,)
     """
     holds_s = longest_ages_s(thrust.y == 0.0, age_s)
+    holds_s[changed_unseen(thrust)] = LOST_S
     last = np.searchsorted(thrust.t, measured, side="right") - 1
     fresh = (last >= 0) & (measured - thrust.t[np.maximum(last, 0)] <= holds_s[np.maximum(last, 0)])
     again = np.append(-np.inf, thrust.t[1:][np.diff(thrust.t) > holds_s[:-1]])
     resumed = measured - again[np.searchsorted(again, measured, side="right") - 1]
     return np.asarray(fresh & (resumed > LAG_FORGOTTEN_S))
+
+
+def changed_unseen(thrust: Series) -> Flags:
+    """Which thrusts were followed by another one after a pause in which messages were lost: it came sometime in it.
+
+    Who sends at a rate repeats what does not change; of who sends changes alone, a pause says that there was none. In
+    a flight on a starved computer 0.9 s of a turn were lost, with a stop in them: its drag came out 6 % too low and was
+    known to 1 %, because dead bands explained what was left.
+
+    Parameters
+    ----------
+    thrust
+        Each of it holds until the next.
+
+    Returns
+    -------
+    Flags
+        (n,), never one of zero: thrusters that rest are told of no more.
+    """
+    steps, same = np.diff(thrust.t), np.diff(thrust.y) == 0.0
+    if not len(steps) or same.mean() < REPEATED:
+        return np.zeros(len(thrust), dtype=bool)
+    lost = (steps > max(LOST_S, LOST_PERIODS * float(np.median(steps)))) & ~same & (thrust.y[:-1] != 0.0)
+    return np.append(lost, False)
 
 
 def longest_ages_s(neutral: Flags, age_s: float) -> Array:
