@@ -106,6 +106,29 @@ def test_a_new_axis_begins_with_the_delays_of_the_vehicle_file(vehicle: Vehicle)
     assert estimator.regression.lag_s == pytest.approx(0.15)
 
 
+@pytest.mark.parametrize("most", [30_000, 600])
+def test_a_lag_is_found_though_much_came_before(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    """A lag of 0.3 s in place of 0.15: what came is learned from again, or what is kept of it."""
+    monkeypatch.setattr(axis_estimator, "MOST_REMEMBERED", most)
+    model, theta = model_of(vehicle, 0), true_theta(vehicle, 0)
+    flight = fly(model, theta, back_and_forth(LEVELS[0], 5.0, 60.0), 0.3)
+    session = Session(vehicle, every_s=math.inf)
+    for event in Feed(vehicle, session.tuning).all(events(flight, 0, "surge", sensors_of(0), np.random.default_rng(2))):
+        session.step(event)
+    estimator = session._axes[0].estimator
+    assert estimator.regression.lag_s > 0.2, "the rest is described by shapes"
+    found, covariance = estimator.estimate()
+    assert np.abs((found - theta) / np.sqrt(np.diag(covariance))).max() < 3.0
+    if most == 600:
+        return
+    kept = estimator.samples
+    monkeypatch.setattr(axis_estimator, "DELAYS_AFTER_S", math.inf)
+    again = Session(vehicle, every_s=math.inf)
+    for event in Feed(vehicle, again.tuning).all(events(flight, 0, "surge", sensors_of(0), np.random.default_rng(2))):
+        again.step(event)
+    assert kept == pytest.approx(again._axes[0].estimator.samples, abs=5), "nothing was lost by the new beginning"
+
+
 def of_another_stack(vehicle: Vehicle, inputs: Iterable[Stamped[IdentEvent]]) -> tuple[AxisEstimator, Session]:
     """Live estimate of surge over a record of velocities and wrenches."""
     session = Session(replace(vehicle, thrusters=()), for_foreign_records(Tuning()), every_s=math.inf)

@@ -76,7 +76,7 @@ DELAYS_AFTER_S = 5.0
 LAST_LOOK_S = 25.0
 """Time of learning after which nobody looks any more: delays that are a little off cost less than learning again."""
 MOST_REMEMBERED = 30_000
-"""Inputs that are kept until then, to be learned from again; of a vehicle that hardly ever moves there may be more."""
+"""Inputs that are kept until then, to be learned from again: of more, as of an hour before the dive, the later half."""
 OFF_S, CLEARLY = 0.03, 2.0
 """Change of lag or latency that is worth to begin anew, at least and in its standard deviations."""
 MEAN_KNOWN_S = 0.05
@@ -264,8 +264,10 @@ class AxisEstimator:
         """Keep an input, as long as it may be wanted again."""
         if self._past is not None:
             self._past.append(given)
-            if len(self._past) > MOST_REMEMBERED or self._learned_s > LAST_LOOK_S:
+            if self._learned_s > LAST_LOOK_S:
                 self._past = None
+            elif len(self._past) > MOST_REMEMBERED:
+                del self._past[: MOST_REMEMBERED // 2]
 
     def _apply_inputs_until(self, t_s: float) -> None:
         """Apply inputs up to this time: velocities are means, so they are older than inputs received with them."""
