@@ -20,6 +20,8 @@ from typing import Any, TypeVar
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.screen_text import how_to_install
 
+CLOSES_ITSELF = (3, 11, 5)
+"""First Python whose pool lets go of what no process reads any more."""
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
 
@@ -153,9 +155,10 @@ def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], worke
 def _unblock(pool: ProcessPoolExecutor) -> None:
     """Let go of an item that no process reads any more: larger than a pipe, it would hold the pool at its end.
 
-    Python does so itself (its issue 94777), but not yet the 3.11.2 of Debian 12.
+    Python does so itself from 3.11.5 on (its issue 94777), but not yet the 3.11.2 of Debian 12; to close it twice would
+    close what another thread has opened meanwhile.
     """
-    if (queue := getattr(pool, "_call_queue", None)) is not None:
+    if sys.version_info < CLOSES_ITSELF and (queue := getattr(pool, "_call_queue", None)) is not None:
         queue._reader.close()  # noqa: SLF001  # nothing public ends the wait
 
 
