@@ -17,11 +17,11 @@ STEP_S = 0.05
 BOX = Vehicle("box", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))
 
 
-def rolled(sign: float, hold_Nms: float) -> Iterator[tuple[float, float, float]]:
+def rolled(sign: float, hold_Nms: float, samples: int = 2400) -> Iterator[tuple[float, float, float]]:
     """Time, moment as recorded, roll rate: waves of 2 N m roll it, and a controller damps that; or sticks do."""
     rng, v = np.random.default_rng(5), 0.0
-    waves = 2.0 * np.sin(0.9 * STEP_S * np.arange(2400)) + rng.normal(0.0, 0.1, 2400)
-    pushes = np.repeat(rng.uniform(-3.0, 3.0, 60), 40) * (hold_Nms == 0.0)
+    waves = 2.0 * np.sin(0.9 * STEP_S * np.arange(samples)) + rng.normal(0.0, 0.1, samples)
+    pushes = np.repeat(rng.uniform(-3.0, 3.0, samples // 40), 40) * (hold_Nms == 0.0)
     for index, (wave, push) in enumerate(zip((waves * (hold_Nms > 0.0)).tolist(), pushes.tolist(), strict=True)):
         force = push - hold_Nms * v
         yield STEP_S * index, sign * force, v + float(rng.normal(0.0, 0.003))
@@ -58,7 +58,7 @@ def test_thrust_that_never_changes_says_nothing() -> None:
 
 
 def of_roll(sign: float, hold_Nms: float) -> Iterator[Stamped[IdentEvent]]:
-    for t_s, moment, v in rolled(sign, hold_Nms):
+    for t_s, moment, v in rolled(sign, hold_Nms, 800):
         stamp = after(Stamp(1), t_s)
         yield Stamped(stamp, Thrust((0.0, 0.0, 0.0, moment, 0.0, 0.0)))
         yield Stamped(stamp, Velocity((0.0, 0.0, 0.0, v, 0.0, 0.0), "record"))
