@@ -12,7 +12,7 @@ from hypothesis.strategies import DrawFn
 from hindrax_core.readings import Vec3
 from hindrax_core.testing import THOROUGH
 from hindrax_ident.arrays import Array
-from hindrax_ident.online.rls import Rls
+from hindrax_ident.online.rls import Rls, WideRls
 
 MANY = 1_000_000 if THOROUGH else 30_000
 TRUTH = (66.48, 1.25, 0.4)
@@ -36,11 +36,14 @@ def problems(draw: DrawFn) -> tuple[Array, Array, Array, Array]:
     return X, rng.standard_normal(rows) * 5.0, rng.standard_normal(n), 10.0 ** rng.uniform(-1, 2, n)
 
 
+@pytest.mark.parametrize("kind", [Rls, WideRls])
 @settings(max_examples=60, deadline=None)
-@given(problems())
-def test_equals_batch_least_squares_when_nothing_is_forgotten(problem: tuple[Array, Array, Array, Array]) -> None:
+@given(problem=problems())
+def test_equals_batch_least_squares_when_nothing_is_forgotten(
+    kind: type[Rls | WideRls], problem: tuple[Array, Array, Array, Array]
+) -> None:
     X, y, prior, sigmas = problem
-    rls = Rls(prior.tolist(), sigmas.tolist())
+    rls = kind(prior.tolist(), sigmas.tolist())
     for row, value in zip(X.tolist(), y.tolist(), strict=True):
         rls.update(row, value)
     # The prior is one more row per parameter.
@@ -50,6 +53,25 @@ def test_equals_batch_least_squares_when_nothing_is_forgotten(problem: tuple[Arr
     spread = np.sqrt(np.diag(covariance))
     assert np.abs((np.array(rls.values) - solved) / spread).max() < 1e-9
     assert np.abs((rls.unit_covariance - covariance) / np.outer(spread, spread)).max() < 1e-9
+
+
+@pytest.mark.parametrize("forgetting", [1.0, 0.98])
+def test_many_parameters_are_learned_as_few_are(forgetting: float) -> None:
+    """Directional forgetting, its gate and what is not finite included."""
+    rng = np.random.default_rng(4)
+    one, other = (kind([1.0] * 5, [30.0] * 5, forgetting) for kind in (Rls, WideRls))
+    for index in range(400):
+        x = (rng.standard_normal(5) * (1.0, 10.0, 0.1, 1.0, float(index < 100))).tolist()
+        y = float(np.dot(x, (2.0, -1.0, 5.0, 0.5, 1.0)) + 0.3 * rng.standard_normal())
+        y = math.nan if index % 50 == 7 else 1e-9 * y if index % 50 == 9 else y
+        x = [1e-6 * value for value in x] if index % 50 == 11 else x
+        assert other.evaluate(x, y) == pytest.approx(one.evaluate(x, y), rel=1e-8, nan_ok=True)
+        assert other.update(x, y) == pytest.approx(one.update(x, y), rel=1e-8, nan_ok=True)
+    assert other.samples == one.samples
+    assert other.weight == pytest.approx(one.weight)
+    assert other.values == pytest.approx(one.values, rel=1e-9)
+    assert other.unit_covariance == pytest.approx(one.unit_covariance, rel=1e-8, abs=1e-12)
+    assert other.variance == pytest.approx(one.variance, rel=1e-9)
 
 
 def test_residual_variance_is_that_of_equation_8() -> None:

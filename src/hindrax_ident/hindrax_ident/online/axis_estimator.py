@@ -45,7 +45,7 @@ from hindrax_ident.online.filtered_regression import (
 )
 from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.lag_and_delay import GOES, conditioned, settled, thruster
-from hindrax_ident.online.rls import Rls
+from hindrax_ident.online.rls import Rls, WideRls
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.axis_record import Samples
 from hindrax_ident.records.binning import DEPTH_S
@@ -151,7 +151,8 @@ class AxisEstimator:
         cross_sigmas = [1.0] * (len(self._cross) if self._cross else 0)
         sigmas += [one * values[-1] / NOISE for one in (*delay_sigmas, *cross_sigmas)]
         values += [0.0] * (len(delay_sigmas) + len(cross_sigmas))
-        self._rls = Rls(values, sigmas, tuning.forgetting)
+        # Of many unknowns numpy is quicker than text that is made for their number.
+        self._rls = (WideRls if self._cross else Rls)(values, sigmas, tuning.forgetting)
         self._whitener = RowWhitener(len(values) + 1 + model.turns, lag_s, float(prior.values[-1]))
         # Sum over the rows of x times the column of the drag by incidence, and the highest speed: `_by_incidence`.
         self._along, self._fastest = (0.0,) * len(values), 0.0

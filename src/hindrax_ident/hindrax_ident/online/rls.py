@@ -26,7 +26,7 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, Index
+from hindrax_ident.arrays import Array, Index, array
 
 State: TypeAlias = tuple[float, ...]
 """Estimates, rows of the strict upper triangle of U, diagonal of D, weighted squares of the residuals, weight."""
@@ -107,6 +107,60 @@ class Rls:
     def weight(self) -> float:
         """Sum of the sample weights after forgetting; equals `samples` without forgetting."""
         return self._state[-1]
+
+
+class WideRls:
+    """The same for many parameters, by numpy: a line of text per element takes four times as long at n = 28.
+
+    The covariance is kept as P = S S' (Potter 1963; Bierman 1977 section II.7), changed by one column times one row:
+    with f = S' x and the noise variance a, S becomes S - S f f' / (b + sqrt(a b)), b = a + f' f.
+    """
+
+    __slots__ = ("_S", "_forgetting", "_squares", "_values", "n", "samples", "weight")
+
+    def __init__(self, values: Sequence[float], sigmas: Sequence[float], forgetting: float = 1.0) -> None:
+        """As of `Rls`."""
+        self.n, self.samples, self._forgetting = len(values), 0, forgetting
+        self._values, self._S = array(np.array(values)), array(np.diag(np.array(sigmas)))
+        self._squares = self.weight = 0.0
+
+    def evaluate(self, x: Sequence[float], y: float) -> tuple[float, float]:
+        """Innovation y - x . theta and information x' P x of a sample, without learning from it."""
+        row = np.array(x)
+        f = row @ self._S
+        return float(y - row @ self._values), float(f @ f)
+
+    def update(self, x: Sequence[float], y: float) -> float:
+        """As of `Rls`: learn from a sample unless it is not finite; the innovation before."""
+        row, mu = np.array(x), self._forgetting
+        f = row @ self._S
+        innovation, r = float(y - row @ self._values), float(f @ f)
+        if not (math.isfinite(innovation) and math.isfinite(r)):
+            return innovation
+        share, along = innovation / (1.0 + r), self._S @ f
+        self._squares, self.weight = mu * self._squares + innovation * share, mu * self.weight + 1.0
+        if r > (1.0 - mu) / mu:
+            a = 1.0 if mu == 1.0 else r / (mu * r - 1.0 + mu)
+            self._S = self._S - np.outer(along, f / (a + r + math.sqrt(a * (a + r))))
+        self._values = self._values + along * share
+        self.samples += 1
+        return innovation
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Estimates, in the order of the regressor."""
+        return tuple(self._values.tolist())
+
+    @property
+    def unit_covariance(self) -> Array:
+        """Covariance for noise of variance one: (n, n)."""
+        return array(self._S @ self._S.T)
+
+    @property
+    def variance(self) -> float:
+        """As of `Rls`."""
+        freedom = self.weight * (1.0 - self.n / self.samples) if self.samples > self.n else 0.0
+        return self._squares / freedom if freedom > 0.0 else math.nan
 
 
 @functools.cache
