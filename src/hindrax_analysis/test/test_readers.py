@@ -194,7 +194,11 @@ def test_a_table_of_another_program_is_to_be_saved_as_csv(ending: str, tmp_path:
         open_sources([file], TopicSelection())
 
 
-@pytest.mark.parametrize("packed", [gzip.compress(b"t,u,X\n0,1,2\n1,2,3\n"), bytes(range(1, 256)) * 20])
+@pytest.mark.parametrize(
+    "packed",
+    [gzip.compress(b"t,u,X\n0,1,2\n1,2,3\n", mtime=0), bytes(range(1, 256)) * 20],
+    ids=["gzip, which has the time in it", "any bytes"],
+)
 def test_what_is_no_text_is_not_printed_to_the_terminal(packed: bytes, tmp_path: Path) -> None:
     file = tmp_path / "dive.csv"
     file.write_bytes(packed)
