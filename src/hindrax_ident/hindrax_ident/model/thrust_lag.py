@@ -95,7 +95,7 @@ class SumOfThrusts:
 
 
 class LaggedInput:
-    """The same for an input that is not over: its integral behind the lag, from one time to the next."""
+    """The same for an input that is not over: its value behind the lag, and its integral from one time to the next."""
 
     __slots__ = ("_integral", "_lag_s", "_lagged", "_t_s", "_value")
 
@@ -109,6 +109,11 @@ class LaggedInput:
             self._t_s, self._lagged = t_s, value
         self._advance(t_s)
         self._value = value
+
+    def at(self, t_s: float) -> float:
+        """Value behind the lag at this time."""
+        self._advance(t_s)
+        return self._lagged
 
     def taken(self, t_s: float) -> float:
         """Integral up to this time since it was taken last."""

@@ -11,8 +11,8 @@ A velocity goes through these, in this order, and each says in its own module wh
 Symbols. theta (p,) the model's parameters, M the last of them; q = (theta / M, 1 / M), in which the row is linear; g
 the m coefficients of the shapes of the thrust's delay, the last GOES of thrust that goes by another lag than it comes,
 and after them those of what the other axes do, where they are not held; n = p + m, where the lag is known p, less one
-where the mass is fixed. Rows have the noise of one velocity, whose
-variance s^2 is estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
+where the mass is fixed. Rows have the noise of one velocity, whose variance s^2 is estimated; `Rls.unit_covariance`
+(n, n) is to be multiplied by it.
 
 What least squares does not know is told when the estimate is asked for (`estimate`): color of the residuals and what
 differs between parts of the run (`_measured_widening`), that the shapes are those of one lag and one delay

@@ -99,9 +99,7 @@ class Rls:
     @property
     def variance(self) -> float:
         """Residual variance, sum of squares over degrees of freedom (COB-2023-1394 eq. 8); NaN until there are any."""
-        # Forgetting shrinks both the sum and the weight, so the share of the parameters shrinks alike.
-        freedom = self.weight * (1.0 - self.n / self.samples) if self.samples > self.n else 0.0
-        return self._state[-2] / freedom if freedom > 0.0 else math.nan
+        return _variance(self._state[-2], self)
 
     @property
     def weight(self) -> float:
@@ -159,8 +157,14 @@ class WideRls:
     @property
     def variance(self) -> float:
         """As of `Rls`."""
-        freedom = self.weight * (1.0 - self.n / self.samples) if self.samples > self.n else 0.0
-        return self._squares / freedom if freedom > 0.0 else math.nan
+        return _variance(self._squares, self)
+
+
+def _variance(squares: float, of: Rls | WideRls) -> float:
+    """Weighted squares of the residuals over degrees of freedom; NaN until there are any."""
+    # Forgetting shrinks both the sum and the weight, so the share of the parameters shrinks alike.
+    freedom = of.weight * (1.0 - of.n / of.samples) if of.samples > of.n else 0.0
+    return squares / freedom if freedom > 0.0 else math.nan
 
 
 @functools.cache

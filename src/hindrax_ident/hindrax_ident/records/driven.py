@@ -5,13 +5,13 @@ is then the controller's gain with the sign turned, confidently (closed-loop ide
 with a delay of half a period an answer that brakes looks like a push, and its drag was ten times the true one.
 """
 
-import math
 from collections import deque
 from enum import StrEnum
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array
+from hindrax_ident.model.thrust_lag import LaggedInput
 
 USUAL_S = 0.7
 """Usual time constant of a small vehicle."""
@@ -22,8 +22,6 @@ DELAYS_S, BRAKED = (0.0, 0.1, 0.2, 0.3), -0.1
 """Usual delays of a motion behind its command, and the correlation of both below which the thrust takes energy out of
 the motion. At the best delay it was 0.27 and more of 40 motions of three vehicles that were flown, and -0.15 and less
 of 12 that a controller held."""
-LAGS_S, DELAYS_OF_S = (USUAL_S, *(0.0 for _ in DELAYS_S)), (0.0, *DELAYS_S)
-"""Lag and delay of each thrust in a row [s]."""
 BLOCK = 25
 """Rows between two looks."""
 
@@ -36,51 +34,23 @@ class Drive(StrEnum):
     BRAKES = "braked_by_thrust"
 
 
-def moments(rows: Array) -> Array:
-    """Sums of products of ones, velocity and thrusts, which add up over records: (7, 7) of rows (n, 6)."""
-    whole = np.column_stack([np.ones(len(rows)), rows])
-    return array(whole.T @ whole)
-
-
-def drive(sums: Array) -> Drive:
-    """What the thrust does.
-
-    Parameters
-    ----------
-    sums : (7, 7)
-        `moments` of rows of the velocity, and the thrust at its time behind each of `LAGS_S` and `DELAYS_OF_S`.
-
-    Returns
-    -------
-    Drive
-        It drives also where one of them never changed.
-    """
-    if not sums[0, 0] > 0.0:
-        return Drive.DRIVES
-    means = sums[0, 1:] / sums[0, 0]
-    scatter = sums[1:, 1:] / sums[0, 0] - np.outer(means, means)
-    sizes = np.sqrt(np.maximum(0.0, np.diag(scatter)))
-    if np.any(sizes <= 1e-9 * np.abs(means)):
-        return Drive.DRIVES
-    moved, at_once, *later = (scatter[0, 1:] / (sizes[0] * sizes[1:])).tolist()
-    if moved <= AGAINST and moved <= at_once + ANSWERS:
-        return Drive.AGAINST
-    return Drive.BRAKES if max(at_once, *later) < BRAKED else Drive.DRIVES
-
-
 class RunningDrive:
-    """The same while velocities and thrust come, in time order (seconds); `now`: as known by the last look."""
+    """What the thrust does while velocities and thrust come, in time order (seconds); `now`: by the last look.
+
+    It drives also where one of them never changed.
+    """
 
     def __init__(self) -> None:
         self.now = Drive.DRIVES
-        self._sums: Array = np.zeros((len(LAGS_S) + 2,) * 2)
+        # Of ones, the velocity, the thrust behind the usual lag, and behind each delay: sums of products.
+        self._sums: Array = np.zeros((len(DELAYS_S) + 3,) * 2)
         self._rows: list[tuple[float, ...]] = []
         self._commands: deque[tuple[float, float]] = deque()
-        self._lagged, self._lagged_s = math.nan, 0.0
+        self._lagged = LaggedInput(USUAL_S)
 
     def thrust(self, t_s: float, force: float) -> None:
         """Thrust commanded from this time on [N, N m]."""
-        self._lag(t_s)
+        self._lagged.set(t_s, force)
         self._commands.append((t_s, force))
 
     def velocity(self, t_s: float, v: float) -> None:
@@ -90,23 +60,25 @@ class RunningDrive:
             commands.popleft()
         if not commands:
             return
-        self._lag(t_s)
         delayed = [
             next((f for at_s, f in reversed(commands) if at_s <= t_s - late), commands[0][1]) for late in DELAYS_S
         ]
-        self._rows.append((v, self._lagged, *delayed))
+        self._rows.append((1.0, v, self._lagged.at(t_s), *delayed))
         if len(self._rows) == BLOCK:
-            self._sums = self._sums + moments(np.array(self._rows))
+            rows = np.array(self._rows)
+            self._sums = self._sums + rows.T @ rows
             self._rows = []
-            self.now = drive(self._sums)
+            self.now = _drive(self._sums)
 
-    def _lag(self, t_s: float) -> None:
-        """Advance the thrust behind the usual lag, which was for long as it was first."""
-        if not self._commands:
-            return
-        force = self._commands[-1][1]
-        if math.isnan(self._lagged):
-            self._lagged = force
-        elif t_s > self._lagged_s:
-            self._lagged += (force - self._lagged) * -math.expm1((self._lagged_s - t_s) / USUAL_S)
-        self._lagged_s = max(self._lagged_s, t_s)
+
+def _drive(sums: Array) -> Drive:
+    """By the correlations of the velocity with each thrust."""
+    means = sums[0, 1:] / sums[0, 0]
+    scatter = sums[1:, 1:] / sums[0, 0] - np.outer(means, means)
+    sizes = np.sqrt(np.maximum(0.0, np.diag(scatter)))
+    if np.any(sizes <= 1e-9 * np.abs(means)):
+        return Drive.DRIVES
+    moved, at_once, *later = (scatter[0, 1:] / (sizes[0] * sizes[1:])).tolist()
+    if moved <= AGAINST and moved <= at_once + ANSWERS:
+        return Drive.AGAINST
+    return Drive.BRAKES if max(at_once, *later) < BRAKED else Drive.DRIVES
