@@ -27,3 +27,10 @@ def test_no_start_imports_what_is_slow(module: str) -> None:
     code = f"import sys, {module}; {message}; print([one for one in {unwanted!r} if one in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_dead_man_that_shares_no_memory_imports_little() -> None:
+    unwanted = ("rclpy", "numpy", "importlib.metadata", "email", "hashlib")
+    code = f"import sys, hindrax_drivers.nodes.deadman; print([one for one in {unwanted!r} if one in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -11,8 +11,10 @@ number of sensors have it, under the names that the vehicle file gives them.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 Wire: TypeAlias = Literal["serial", "i2c", "gpio"]
 Capability: TypeAlias = Literal[
@@ -191,6 +193,8 @@ def unusable_sensors() -> Mapping[str, str]:
 @cache
 def _installed() -> tuple[Mapping[str, Sensor], Mapping[str, str]]:
     """Rows of other packages by name, and why an entry point gives none."""
+    from importlib.metadata import entry_points  # noqa: PLC0415  # slow, with all of `email`, and rarely needed
+
     rows: dict[str, Sensor] = {}
     unusable: dict[str, str] = {}
     for point in entry_points(group=GROUP):
@@ -202,7 +206,7 @@ def _installed() -> tuple[Mapping[str, Sensor], Mapping[str, str]]:
     return rows, unusable
 
 
-def _row_in(point: EntryPoint) -> Sensor | str:
+def _row_in(point: "EntryPoint") -> Sensor | str:
     """Row that an entry point names, or why it is none. A package of somebody else may fail in any way."""
     where = f"entry point {point.name} = {point.value}"
     try:

@@ -10,7 +10,7 @@ host calls `command` for each command, `tick` no later than `due`, and reports e
 """
 
 import math
-import secrets
+import random
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -204,7 +204,7 @@ class OutputGuard:
     rest_us: tuple[float, ...]
     lights: int = 0
     knobs: OutputGuardKnobs = OutputGuardKnobs()
-    fresh_number: Callable[[], int] = lambda: 100_000 + secrets.randbelow(900_000)
+    fresh_number: Callable[[], int] = lambda: random.SystemRandom().randrange(100_000, 1_000_000)
     """Number for a challenge: six digits that nobody guesses, and none in use before."""
     begun: Coded[OutputReason] = NEW
     """Why it is disarmed at first."""
