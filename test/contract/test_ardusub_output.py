@@ -371,6 +371,38 @@ def test_who_takes_over_ends_the_flight_by_name_and_it_is_not_resumed(act: Calla
     assert not any(one.number == 76 and one.values[7] == 400 for one in Receiver().feed(bench.sent)), "no disarm either"
 
 
+@pytest.mark.parametrize(
+    ("act", "whys"),
+    [
+        (change_mode, ("another party, or a failsafe, has taken over: STABILIZE",)),
+        (disarm, ("the autopilot has been disarmed",)),
+        (rearm, ("the autopilot has been disarmed", "another party has taken over")),  # a test ends before a heartbeat
+        (restart, ("the autopilot has restarted",)),
+    ],
+)
+def test_who_takes_over_motor_tests_ends_them_by_name(act: Callable[[Bench], None], whys: tuple[str, ...]) -> None:
+    bench = Bench(control="motor_test")
+    bench.fly(*AHEAD)
+    act(bench)
+    assert bench.device.fault().startswith(whys)
+    bench.run(0.6)
+    bench.sent = b""
+    bench.run(2.0)
+    assert not any(one.number in (69, 400, 209) for one in Receiver().feed(bench.sent)), "it is theirs"
+    assert bench.wire() == NEUTRAL
+
+
+@pytest.mark.parametrize("phase_s", [0.0, 0.25, 0.5, 0.75])
+def test_no_motor_test_prolongs_the_thrust_of_whom_another_party_has_disarmed(phase_s: float) -> None:
+    """The autopilot keeps the last pulses until no test has come for half a second; those that it refuses count."""
+    bench = Bench(control="motor_test")
+    bench.fly(*AHEAD)
+    bench.run(phase_s)  # whenever the next heartbeat comes
+    bench.stranger(76, 0.0, *(0.0,) * 6, 400, 1, 1, 0)
+    bench.run(0.75)
+    assert bench.wire() == NEUTRAL
+
+
 def test_a_station_on_the_same_line_that_starts_leaves_us_the_rates_that_we_need() -> None:
     """QGroundControl behind the router asks for its own rates, 2 Hz for the pulses: the autopilot has one a line."""
     bench = Bench()
@@ -574,7 +606,7 @@ def unheard(name: str) -> Callable[[firmware.ArduSub], None]:
         (rewired, "T3 is at output 3 in the vehicle file, where SERVO3_FUNCTION is 59, wanted a motor"),
         (rewired, "; take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"),
         (simple, "SERVO4_FUNCTION is 0, wanted a motor, 33 to 40; no file is made for this frame: describe its"),
-        (another, "its FRAME_CONFIG is 0, with 6 motors that are known, and the vehicle file has 8"),
+        (another, "its FRAME_CONFIG is 0, with 6 motors that are known, and the vehicle file has 8; no file is made"),
         (turned, "its frame 2 has T5 the other way round than the vehicle file"),
         (custom, "its FRAME_CONFIG is 7"),
         (streamless, "it does not stream SERVO_OUTPUT_RAW"),
@@ -588,6 +620,27 @@ def test_what_lacks_something_is_refused_by_name(change: Callable[[firmware.Ardu
     assert not bench.device.ready
     assert lack in bench.device.trouble
     assert lack in " ".join(bench.texts())
+
+
+@pytest.mark.parametrize(
+    ("change", "lack"),
+    [
+        (rewired, "T3 is at output 3 in the vehicle file, where SERVO3_FUNCTION is 59, wanted a motor"),
+        (another, "its FRAME_CONFIG is 0, with 6 motors that are known, and the vehicle file has 8"),
+        (turned, "its frame 2 has T5 the other way round than the vehicle file"),
+        (custom, ""),
+        (unprotected, ""),
+        (old, ""),
+    ],
+)
+def test_motor_tests_want_the_thrusters_of_the_file_and_no_mixer(
+    change: Callable[[firmware.ArduSub], None], lack: str
+) -> None:
+    bench = Bench(control="motor_test")
+    change(bench.board)
+    bench.run(5.0)
+    assert bench.device.ready is not bool(lack)
+    assert lack in bench.device.trouble
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -10,8 +10,8 @@ import pytest
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, Stamped, seconds_between, stamp_from_s
-from hindrax_core.readings import Inertial, Pressure, Reading
-from hindrax_core.signals import AppliedOutput
+from hindrax_core.readings import AppliedPulses, Inertial, Pressure, Reading
+from hindrax_core.signals import AppliedOutput, Command
 from hindrax_core.text.refusals import LEFT_ARMED
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.buses.clock import Clock
@@ -81,7 +81,7 @@ def test_one_line_carries_thrust_and_what_the_autopilot_measures(tmp_path: Path)
             output.wait(Stamp(mock.hardware.stamp + 20_000_000))
             output.serve()
         assert mock.hardware.output.pulses_us()[:8] == AHEAD
-        made = output.applied(Pulses(AHEAD, ()))
+        made = output.applied(Pulses(AHEAD, ()))[-1]
         assert made.reading.pulses_us == AHEAD
         assert made.stamp < mock.hardware.stamp, "when the autopilot had them, not now"
         assert mock.hardware.world.plant.u > 0.1
@@ -95,14 +95,16 @@ def test_one_line_carries_thrust_and_what_the_autopilot_measures(tmp_path: Path)
 
 
 class Told:
-    """A listener that keeps reasons and troubles."""
+    """A listener that keeps reasons, pulses and troubles."""
 
     def __init__(self) -> None:
         self.reasons: list[str] = []
+        self.pulses: list[tuple[Stamp, tuple[float, ...]]] = []
         self.troubles: list[str] = []
 
     def applied(self, applied: AppliedOutput) -> None:
         self.reasons.append(applied.reason)
+        self.pulses.append((applied.stamp, applied.pulses_us))
 
     def troubled(self, text: str) -> None:
         self.troubles.append(text)
@@ -177,6 +179,52 @@ def test_a_line_that_breaks_before_the_autopilot_has_answered_all_is_opened_agai
         while not host.ready and mock.hardware.stamp < stamp_from_s(30.0):
             output.wait(host.turn())
         assert (host.ready, len(opened), told.troubles) == (True, 2, ["lost"])
+        host.end()
+
+
+class Heard(ArduSub):
+    """Keeps what the autopilot reports."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle)
+        self.reports: list[tuple[Stamp, tuple[float, ...]]] = []
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
+        outputs = list(super().feed(data, stamp))
+        readings = [(one.stamp, one.reading) for one in outputs if isinstance(one, Stamped)]
+        self.reports += [(stamp, one.pulses_us) for stamp, one in readings if isinstance(one, AppliedPulses)]
+        return outputs
+
+
+def test_of_a_computer_that_was_held_up_all_pulses_are_told_once_in_their_order_with_their_own_times(
+    tmp_path: Path,
+) -> None:
+    vehicle, told = behind_ardusub(), Told()
+    device = Heard(vehicle)
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0) as mock:
+        output = LineOutput(mock.ports["thrusters"], device, Beside(mock), lambda *_: None)
+        host = OutputHost(output, guard_of(vehicle, OutputGuardKnobs(arming_s=0.0)), told)
+        while not host.ready:
+            output.wait(host.turn())
+        assert host.arm(Request(mock.hardware.stamp, 1)).accepted
+        for number in range(1, 160):
+            way = 0.01 * (number % 20)
+            pulses = tuple(1500.0 + way * (pulse - 1500.0) for pulse in AHEAD)
+            host.command(Command(pulses, (), mock.hardware.stamp, number))
+            end = mock.hardware.stamp + stamp_from_s(0.02)
+            while mock.hardware.stamp < end:
+                output.wait(min(host.turn(), Stamp(end)))
+            if number % 40 == 0:
+                held_until = mock.hardware.stamp + stamp_from_s(0.3)
+                while mock.hardware.stamp < held_until:
+                    mock.step()
+        host.turn()
+        told_once = list(dict.fromkeys(one for one in told.pulses if one in device.reports))
+        first, last = told_once[0][0], told_once[-1][0]
+        assert told_once == list(dict.fromkeys(one for one in device.reports if first <= one[0] <= last))
+        assert len({pulses for _, pulses in told_once}) > 15
+        stamps = [stamp for stamp, _ in told.pulses if stamp >= first]
+        assert stamps == sorted(stamps)
         host.end()
 
 

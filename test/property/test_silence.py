@@ -49,8 +49,8 @@ class Wire:
         assert armed or pulses.thrusters == GUARD.neutral.thrusters
         self.pulses = pulses
 
-    def applied(self, pulses: Pulses) -> Stamped[AppliedPulses]:
-        return Stamped(self.time, AppliedPulses(pulses.thrusters))
+    def applied(self, pulses: Pulses) -> Sequence[Stamped[AppliedPulses]]:
+        return (Stamped(self.time, AppliedPulses(pulses.thrusters)),)
 
     def serve(self) -> Sequence[Output]:
         return ()

@@ -62,9 +62,9 @@ class ForceOutput:
         """Send the forces of the pulses; zeros while disarmed, whatever the pulses are."""
         self._topics.send(self._forces_N(pulses.thrusters) if armed else [0.0] * len(self._curves))
 
-    def applied(self, pulses: Pulses) -> Stamped[AppliedPulses]:
+    def applied(self, pulses: Pulses) -> Sequence[Stamped[AppliedPulses]]:
         """As wanted, from now on: nobody reports what became of them."""
-        return Stamped(self.now(), AppliedPulses(pulses.thrusters))
+        return (Stamped(self.now(), AppliedPulses(pulses.thrusters)),)
 
     def serve(self) -> Sequence[Output]:
         """Return nothing: the topics only go one way."""

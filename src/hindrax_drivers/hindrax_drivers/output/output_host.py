@@ -224,11 +224,11 @@ class OutputHost:
                 self.broken(str(error))
 
     def _report(self) -> None:
-        """Report the last pulses that were written: after a failed write they are most likely still active."""
+        """Report the pulses that were written: after a failed write the last are most likely still active."""
         state, last = self._state, self._last
-        made, why = self._output.applied(last), state.reason or state.unobeyed
+        why = state.reason or state.unobeyed
         if self.left_armed:
             why = Coded(why.code, f"{why}{STILL_ARMED}")
-        pulses_us = made.reading.pulses_us
-        applied = AppliedOutput(made.stamp, state.armed, pulses_us, last.sequence, state.armings, state.phase, why)
-        self._listener.applied(applied)
+        as_now = (last.sequence, state.armings, state.phase, why)
+        for made in self._output.applied(last):
+            self._listener.applied(AppliedOutput(made.stamp, state.armed, made.reading.pulses_us, *as_now))

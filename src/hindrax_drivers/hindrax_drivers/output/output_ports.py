@@ -3,6 +3,7 @@
 One thread owns an output and its clock, that of all decisions about safety; only `wake` may be called by others.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -27,6 +28,8 @@ ResultT = TypeVar("ResultT")
 FOUND_WITHIN_S = 2.0
 """Well below the silence that the dead man takes for a hang."""
 SERIAL_TURN_S = 0.02
+MOST_REPORTS = 128
+"""Of a computer that was held up; before that they are lost, as is every command of that time."""
 
 
 class StillAnsweringError(DeviceError):
@@ -57,9 +60,9 @@ class RegisterOutput:
         self._run(self._chip.write(pulses.all_us))
         self._line.written()
 
-    def applied(self, pulses: Pulses) -> Stamped[AppliedPulses]:
+    def applied(self, pulses: Pulses) -> Sequence[Stamped[AppliedPulses]]:
         """Pulses of the thrusters as the counts make them [us]: from now on."""
-        return Stamped(self._bus.now(), AppliedPulses(self._chip.applied(pulses.thrusters)))
+        return (Stamped(self._bus.now(), AppliedPulses(self._chip.applied(pulses.thrusters))),)
 
     def serve(self) -> Sequence[Output]:
         """Return nothing: a register chip sends nothing unprompted."""
@@ -182,7 +185,9 @@ class LineOutput:
         self._asked_on = False
         """Whether the line was left open for a device that has answered and was not ready yet."""
         self._outputs: list[Output] = []
-        self._seen: Stamped[AppliedPulses] | None = None
+        self._seen: deque[Stamped[AppliedPulses]] = deque(maxlen=MOST_REPORTS)
+        """Reported pulses that nobody has asked for yet; of one time those that came last."""
+        self._last: Stamped[AppliedPulses] | None = None
         self.now = clock.now
         self.wake = clock.wake
 
@@ -247,11 +252,13 @@ class LineOutput:
         outputs = self._device.drive(pulses.thrusters, pulses.lights, self._clock.now(), armed=armed)
         self._outputs += self._send(outputs)
 
-    def applied(self, pulses: Pulses) -> Stamped[AppliedPulses]:
-        """Last reported pulses of the board, and when it had them; before a report, the wanted ones, now."""
-        if self._seen is None:
-            return Stamped(self._clock.now(), AppliedPulses(pulses.thrusters))
-        return Stamped(self._seen.stamp, AppliedPulses(self._seen.reading.pulses_us[: len(pulses.thrusters)]))
+    def applied(self, pulses: Pulses) -> Sequence[Stamped[AppliedPulses]]:
+        """All that the board has reported since the last call, else the last; before a report, the wanted ones, now."""
+        if self._last is None:
+            return (Stamped(self._clock.now(), AppliedPulses(pulses.thrusters)),)
+        made, count = list(self._seen) or [self._last], len(pulses.thrusters)
+        self._seen.clear()
+        return [Stamped(one.stamp, AppliedPulses(one.reading.pulses_us[:count])) for one in made]
 
     def serve(self) -> Sequence[Output]:
         """Decode received bytes, run the driver's timers, keep the reported pulses."""
@@ -269,8 +276,14 @@ class LineOutput:
             self._ride(rider, [*(rider.device.feed(data, stamp) if data else ()), *rider.device.tick(stamp)])
         for one in outputs:
             if isinstance(one, Stamped) and isinstance(one.reading, AppliedPulses):
-                self._seen = Stamped(one.stamp, one.reading)
+                self._keep(Stamped(one.stamp, one.reading))
         return outputs
+
+    def _keep(self, report: Stamped[AppliedPulses]) -> None:
+        if self._seen and self._seen[-1].stamp == report.stamp:  # a board without a time has that of the arrival
+            self._seen.pop()
+        self._seen.append(report)
+        self._last = report
 
     def check(self, pulses: Pulses) -> None:
         """Require that it speaks, DeviceError where it does not; it reports its pulses unprompted."""

@@ -320,7 +320,7 @@ class ArduSub:
             return "it does not answer for FRAME_CONFIG, wanted an ArduSub of release 4.1 or later"
         if missing := [name for number, name in NEEDED.items() if number in self._link.refused]:
             return f"it does not stream {missing[0]} on request (SET_MESSAGE_INTERVAL), wanted ArduSub 4.1 or later"
-        return self._find_motors() or ("" if self._by_test else self._find_mixer())
+        return self._find_motors() or self._find_frame() or ("" if self._by_test else self._find_mixer())
 
     def _find_motors(self) -> str:
         """Map the thrusters of the file to motors; why that cannot be done."""
@@ -351,23 +351,29 @@ class ArduSub:
         frame = self._link.parameters.get("FRAME_CONFIG")
         return FILE_OF_LOG if frame in VEHICLE_OF_FRAME else THRUSTERS_BY_HAND
 
-    def _find_mixer(self) -> str:
-        parameters, version = self._link.parameters, self._link.version
-        frame = round(parameters["FRAME_CONFIG"])
-        if frame not in FACTORS or max(one.number for one in self._motors) > len(FACTORS[frame]):
+    def _find_frame(self) -> str:
+        """Why its frame is not that of the vehicle file; empty where it is, or is not known and need not be."""
+        frame = round(self._link.parameters["FRAME_CONFIG"])
+        if frame not in FACTORS:
+            wanted = "wanted another, or `control: motor_test` under output"
+            return "" if self._by_test else f"its FRAME_CONFIG is {frame}, whose motors are not known; {wanted}"
+        if max(one.number for one in self._motors) > len(FACTORS[frame]):
             return (
-                f"its FRAME_CONFIG is {frame}, with {len(FACTORS.get(frame, ()))} motors that are known, and the "
-                f"vehicle file has {len(self._motors)}; wanted a frame of these motors, or `control: motor_test` under "
-                "output"
+                f"its FRAME_CONFIG is {frame}, with {len(FACTORS[frame])} motors that are known, and the vehicle file "
+                f"has {len(self._motors)}; {self._other_file()}, or set the frame that it has"
             )
-        if others := self._others(frame):
+        others = {} if self._by_test else self._others(frame)  # those rest while none is tested
+        if others:
             numbers, outputs = (", ".join(map(str, those)) for those in (others, others.values()))
             return (
                 f"its frame {frame} drives motors {numbers} too, at outputs {outputs}, which are no thrusters of the "
                 f"vehicle file; {self._other_file()}"
             )
-        if other := self._find_pushes(frame):
-            return other
+        return self._find_pushes(frame)
+
+    def _find_mixer(self) -> str:
+        parameters, version = self._link.parameters, self._link.version
+        frame = round(parameters["FRAME_CONFIG"])
         if unsafe := self._find_failsafe():
             return unsafe
         mixer = Mixer(frame, self._motors, parameters.get("MOT_PWM_MIN", 1100.0), parameters.get("MOT_PWM_MAX", 1900.0))
@@ -465,15 +471,17 @@ class ArduSub:
         # No pulse at all, as behind a safety switch, is no thrust.
         pulses = tuple(message.pulses_us[one.channel] or CENTER_us for one in self._motors)
         outputs: list[Output] = [*restarted, Stamped(at, AppliedPulses(pulses))]
-        if self._by_test:
-            return outputs + self._compare(pulses, PULSE_TOLERANCE_us, "pulse", stamp)
-        self._watch_rest(pulses, stamp)
+        resting = all(abs(pulse - CENTER_us) <= PULSE_TOLERANCE_us for pulse in pulses)
+        self._watch_rest(stamp, resting=resting)
+        if self._by_test and resting:  # what a disarm shows too: no sign of whose thrust it is
+            self._moved = False
+        elif self._by_test:
+            outputs += self._compare(pulses, PULSE_TOLERANCE_us, "pulse", stamp)
         return outputs
 
-    def _watch_rest(self, pulses_us: tuple[float, ...], stamp: Stamp) -> None:
-        """Whether all thrusters rest, though no stick of late did: then ours are neutral until a heartbeat says why."""
-        resting = all(abs(pulse - CENTER_us) <= PULSE_TOLERANCE_us for pulse in pulses_us)
-        pushed = [max(abs(stick - CENTER_us) for stick in sticks) for _, sticks in self._history]
+    def _watch_rest(self, stamp: Stamp, *, resting: bool) -> None:
+        """Whether all thrusters rest, though nothing asked of late did: then neutral, until a heartbeat says why."""
+        pushed = [max(abs(one - CENTER_us) for one in asked) for _, asked in self._history]
         self._thrust |= self._phase is Phase.ARMED and not resting
         self._at_rest = self._at_rest + 1 if resting and pushed and min(pushed) > PUSH_us else 0
         if self._thrust and self._at_rest >= MOST_AT_REST and self._rest_at is None:
@@ -724,6 +732,10 @@ class ArduSub:
     def _on_test(self, stamp: Stamp, *, accepted: bool) -> list[Output]:
         if self._phase is not Phase.ARMED or accepted:
             self._accepted_at = stamp
+            self._thrust |= self._phase is Phase.ARMED
+            return []
+        if self._thrust:  # what has followed refuses where it is disarmed: no more until a heartbeat says why
+            self._rest_at = self._rest_at or stamp
             return []
         if seconds_between(self._accepted_at, stamp) < ASK_AGAIN_S:
             return []

@@ -316,6 +316,7 @@ class ArduSub(Part[AutopilotTruth]):
             self._text(CRITICAL, f"Arm: {self.refuses_arming}")
             return FAILED
         self.armed = True
+        self._pulses_us = dict.fromkeys(self._pulses_us, 1500.0)
         self._pilot_s, self._pilot_lost = max(self._pilot_s, self._now_s), False
         return ACCEPTED
 
@@ -393,7 +394,7 @@ class ArduSub(Part[AutopilotTruth]):
                 self._testing, self._test_failed_s = False, self._now_s
                 self.armed = False
                 self._pulses_us = dict.fromkeys(self._pulses_us, 1500.0)
-            return
+            return  # disarmed or not: a test refuses then, but what it has put out stays to its end
         if not self.armed or self.mode != MANUAL:
             self._pulses_us = dict.fromkeys(self._pulses_us, 1500.0)
             return
