@@ -498,6 +498,18 @@ def test_a_refused_arming_is_told_in_the_autopilot_s_words() -> None:
     assert bench.board.armed
 
 
+def test_a_long_reason_is_told_whole() -> None:
+    """More than the 50 bytes of a message: ArduSub sends it in parts."""
+    why = "Must assign a disarm or arm_toggle button or disarm aux function"
+    bench = Bench()
+    bench.board.refuses_arming = why
+    bench.run(3.0)
+    bench.armed = True
+    bench.run(0.5)
+    assert bench.device.fault() == f"the autopilot does not arm: Arm: {why}"
+    assert f"ardusub: Arm: {why}" in bench.texts()
+
+
 def test_a_refused_mode_is_told_as_one_although_its_reason_comes_behind_the_answer() -> None:
     bench = Bench()
     bench.run(3.0)
@@ -610,7 +622,6 @@ def unheard(name: str) -> Callable[[firmware.ArduSub], None]:
         (turned, "its frame 2 has T5 the other way round than the vehicle file"),
         (custom, "its FRAME_CONFIG is 7"),
         (streamless, "it does not stream SERVO_OUTPUT_RAW"),
-        (lambda board: board.disguise(on=True), "found a vehicle of MAV_TYPE 2, wanted 12, an ArduSub"),
     ],
 )
 def test_what_lacks_something_is_refused_by_name(change: Callable[[firmware.ArduSub], None], lack: str) -> None:
@@ -620,6 +631,22 @@ def test_what_lacks_something_is_refused_by_name(change: Callable[[firmware.Ardu
     assert not bench.device.ready
     assert lack in bench.device.trouble
     assert lack in " ".join(bench.texts())
+
+
+def test_another_vehicle_is_called_by_its_type_and_one_beside_ours_is_left_alone() -> None:
+    """Of a boat that carries the vehicle the line may bring the heartbeat first."""
+    bench = Bench()
+    bench.board.disguise(on=True)
+    bench.run(3.0)
+    wanted = "wanted the heartbeat of an ArduSub; check address, power and router"
+    assert bench.device.trouble == f"ardusub: an autopilot of a vehicle of MAV_TYPE 2, {wanted}"
+    boat, ardupilot, disarmed = 11, 3, 0x41
+    beat = frame(0, (0, boat, ardupilot, disarmed, 3, 3), 0, 2, 1)
+    bench = Bench()
+    link = bench.link.step
+    bench.link.step = lambda now_s: beat + link(now_s)  # type: ignore[method-assign]
+    bench.fly(*AHEAD)
+    assert bench.wire() == pytest.approx(AHEAD, abs=3.0)
 
 
 @pytest.mark.parametrize(

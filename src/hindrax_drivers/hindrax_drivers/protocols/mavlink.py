@@ -47,10 +47,15 @@ class CommandAck:
 
 @dataclass(frozen=True, slots=True)
 class StatusText:
-    """STATUSTEXT: a sentence of at most 50 bytes, with MAV_SEVERITY (0 emergency to 7 debug)."""
+    """STATUSTEXT: at most 50 bytes, with MAV_SEVERITY (0 emergency to 7 debug); a longer sentence has a number.
+
+    `more`: a part of it that others follow.
+    """
 
     severity: int
     text: str
+    number: int = 0
+    more: bool = False
 
 
 Message: TypeAlias = Heartbeat | AppliedPulses | CommandAck | Battery | StatusText
@@ -65,6 +70,11 @@ def _battery(values: tuple[int, ...]) -> Battery:
     return Battery(voltage_V, math.nan if values[13] < 0 else values[13] / 100.0)
 
 
+def _text(severity: int, text: bytes, number: int) -> StatusText:
+    said, end, _ = text.partition(b"\x00")
+    return StatusText(severity, said.decode(errors="replace"), number, more=bool(number) and not end)
+
+
 Readers: TypeAlias = Mapping[int, tuple[struct.Struct, Callable[[tuple[Any, ...]], object]]]
 """Fields of a message by its number, by size and extensions last, and what they mean."""
 READ: Readers = {
@@ -72,7 +82,7 @@ READ: Readers = {
     36: (struct.Struct("<I8HB8H"), lambda v: AppliedPulses(tuple(map(float, (*v[1:9], *v[10:]))))),
     77: (struct.Struct("<HBBiBB"), lambda v: CommandAck(*v[:2], *v[4:])),
     147: (struct.Struct("<iih10HhBBBbiB4HBI"), _battery),
-    253: (struct.Struct("<B50sHB"), lambda v: StatusText(v[0], v[1].partition(b"\x00")[0].decode(errors="replace"))),
+    253: (struct.Struct("<B50sHB"), lambda v: _text(*v[:3])),
 }
 """What a thruster controller says."""
 

@@ -73,12 +73,11 @@ class Companion(ABC):
         return [*self._silence.tick(stamp), *self._identify(stamp), *self._link.tick(stamp)]
 
     def _identify(self, stamp: Stamp) -> list[Output]:
-        if self._link.beat is None or self._link.asking:
-            return []
-        if found := no_submarine(self._link.beat):
+        beat = self._link.beat or self._link.foreign
+        if found := beat and no_submarine(beat):
             told, self._told = self._told, found
             return [] if told == found else [Trouble(stamp, f"{self._name}: {found}")]
-        if self._identity:
+        if self._link.beat is None or self._link.asking or self._identity:
             return []
         version = f" {self._link.version}" if self._link.version else ""
         self._identity = f"ArduSub{version}, system {self._link.system}"

@@ -56,6 +56,10 @@ def no_submarine(beat: Heartbeat | None) -> str:
     return "" if found == SUBMARINE else f"found a vehicle of MAV_TYPE {found}, wanted {SUBMARINE}, an ArduSub"
 
 
+def _is_submarine(beat: Heartbeat) -> bool:
+    return beat.autopilot == ARDUPILOT and not no_submarine(beat)
+
+
 @dataclass(frozen=True, slots=True)
 class Command:
     """A COMMAND_LONG that waits for its answer."""
@@ -141,7 +145,8 @@ class Link:
     def stranger(self) -> str:
         """Who is there in the place of an ArduPilot."""
         if self.foreign is not None:
-            return f"autopilot of kind {self.foreign.autopilot}"
+            kind = f" of kind {self.foreign.autopilot}" if self.foreign.autopilot != ARDUPILOT else ""
+            return f"an autopilot{kind} of a vehicle of MAV_TYPE {self.foreign.type}"
         settings = "check its SERIALn_PROTOCOL, wanted 2, and SERIALn_BAUD, wanted 115"
         return f"no unsigned MAVLink 2 ({settings})" if self._unread else "no heartbeat of an ArduPilot"
 
@@ -193,11 +198,11 @@ class Link:
         if isinstance(message, Heartbeat):
             if message.type == GROUND_STATION:
                 self.stations.add((frame.system, frame.component))
-            elif frame.component == AUTOPILOT and message.autopilot == ARDUPILOT:
+            elif frame.component == AUTOPILOT and (frame.system == self.system or _is_submarine(message)):
                 self.system = self.system or frame.system
                 if frame.system == self.system:
                     self.beat, self.beat_at = message, stamp
-            elif frame.component == AUTOPILOT:
+            elif frame.component == AUTOPILOT:  # such as the boat above it, on the same line
                 self.foreign = message
         ours = frame.system == self.system and frame.component == AUTOPILOT
         self._came[frame.number] += ours

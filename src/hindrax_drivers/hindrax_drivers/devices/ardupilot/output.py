@@ -16,6 +16,7 @@ and nobody took over is disarmed from here: without FS_PILOT_INPUT 2 (disarm) it
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
@@ -275,6 +276,8 @@ class ArduSub:
         self._motors: tuple[Motor, ...] = ()
         self._named: dict[str, float] = {}
         self._last_text = self._refused = self._unexplained = ""
+        self._begun = (0, "")
+        """Text of which not all parts have come: its number, and what has."""
         self._restarted = self._seen_armed = self._tested = self._thrust = False
         self._clock.restart()
         self._boot_us = self._overflows = self._tries = self._at_rest = 0
@@ -444,6 +447,13 @@ class ArduSub:
         return [] if self._by_test else self._compare(sticks, STICK_TOLERANCE_us, "stick", stamp)
 
     def _on_text(self, message: StatusText, stamp: Stamp) -> list[Output]:
+        """A text of more than 50 bytes comes in parts, and is one once the last is here."""
+        number, begun = self._begun
+        text = (begun if number == message.number else "") + message.text
+        self._begun = (message.number, text) if message.more else (0, "")
+        return [] if message.more else self._on_sentence(replace(message, text=text), stamp)
+
+    def _on_sentence(self, message: StatusText, stamp: Stamp) -> list[Output]:
         if message.severity <= SEVERITY_WARNING:
             self._last_text, self._text_at = message.text, stamp
             trouble = Trouble(stamp, f"ardusub: {message.text}")
@@ -617,7 +627,7 @@ class ArduSub:
             return self._stay_away(stamp)
         beat = self._link.beat
         if self._unexplained and self._phase is Phase.ARMING:
-            return self._refuse(self._unexplained, stamp)
+            return self._refuse(self._begun[1] or self._unexplained, stamp)
         if self._tries >= ATTEMPTS:
             return self._give_up(stamp)
         self._tries, self._step_at = self._tries + 1, stamp

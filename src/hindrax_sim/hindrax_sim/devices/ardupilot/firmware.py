@@ -134,6 +134,7 @@ class ArduSub(Part[AutopilotTruth]):
         """Commands that this firmware does not know."""
         self.version = VERSION
         self._texts: list[Fields] = []
+        self._long_texts = 0
         self._random = np.random.default_rng(seed)
         self._commands: Mapping[int, Callable[[tuple[float, ...], _Channel], int]] = {
             176: self._set_mode,
@@ -292,8 +293,12 @@ class ArduSub(Part[AutopilotTruth]):
             self._send(channel, number, values)
 
     def _text(self, severity: int, text: str) -> None:
-        """Queued, as in ArduSub: the answer to a command comes before the text that says why."""
-        self._texts.append((severity, text.encode()[:50], 0, 0))
+        """Queued, as in ArduSub: the answer to a command comes before the text that says why; a long one in parts."""
+        said = text.encode()
+        parts = [said[begin : begin + 50] for begin in range(0, len(said), 50)]
+        self._long_texts += len(parts) > 1
+        number = self._long_texts if len(parts) > 1 else 0
+        self._texts += [(severity, part, number, at) for at, part in enumerate(parts)]
 
     # ---- commands
 
