@@ -17,6 +17,7 @@ from hindrax_bag.read import bag_reader, compression
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.thrust_curve import AppliedWrench, thrust_curves
+from hindrax_core.signals import Supply
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, array
 
@@ -514,6 +515,7 @@ def test_pulses_become_forces_at_the_voltage_of_the_bag_s_battery(
     bag = bag_of(tmp_path / "a.mcap", topics)
     (found,) = read_bag(bag, TopicSelection(wrench="/mavros/rc/out"), topics_of(bag), vehicle)
     assert found.forces[5] == pytest.approx(AppliedWrench(vehicle, supply_V).forces_N([1700.0] * 8))
+    assert found.supply is (Supply.MEASURED if supply_V else Supply.ASSUMED)
     assert any(note in one for one in found.assumptions)
 
 

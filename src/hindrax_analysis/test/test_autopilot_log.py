@@ -14,12 +14,13 @@ from pymavlink.dialects.v20 import ardupilotmega
 from hindrax_analysis.records.ardupilot_log import CHANNELS, WRAP_S, read_starts
 from hindrax_analysis.records.autopilot_log import read_log
 from hindrax_analysis.records.autopilot_vehicle import logged_wiring, wired
-from hindrax_analysis.records.recording import Recording, reason_to_skip
+from hindrax_analysis.records.recording import Recording, events, reason_to_skip
 from hindrax_analysis.testing.ulog import ulog
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.errors import UsageError
 from hindrax_core.rotation import matrix, rotate
+from hindrax_core.signals import Supply, Thrust
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.assess.objections import Code
 
@@ -149,6 +150,10 @@ def test_forces_are_those_of_the_curves_at_the_logged_voltage(log: Path) -> None
     assert found.wrench[-1].tolist() == pytest.approx(applied.wrench(applied.forces_N(pulses)), rel=1e-6)
     assert len(found.wrench_t) == STEPS
     assert any("14.2 to 14.2 V" in one for one in found.assumptions)
+    # It was corrected, and feared all the same: a twentieth of the drag that no voltage could explain any more.
+    assert found.supply is Supply.MEASURED
+    thrusts = [one.reading for one in events(found, 0) if isinstance(one.reading, Thrust)]
+    assert {one.supply for one in thrusts} == {Supply.MEASURED}
 
 
 def test_without_thrusters_the_remedy_is_named(log: Path) -> None:

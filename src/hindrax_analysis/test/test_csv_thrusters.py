@@ -1,16 +1,18 @@
 """Columns of single thrusters in CSV files: which they are, and the forces that follow from them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hindrax_analysis.records.csv.record import read_records
 from hindrax_analysis.records.csv.thrusters import is_supply, output_of
-from hindrax_analysis.records.recording import Recording
+from hindrax_analysis.records.recording import Recording, joined
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.errors import HindraxError
+from hindrax_core.signals import Supply
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.arrays import Array, array
 
@@ -96,6 +98,21 @@ def test_pulses_become_the_forces_of_the_vehicle_file(heavy: Vehicle, first: int
     found = read(names, [(0.0, 0.1, *PULSES), (1.0, 0.2, *([1500.0] * 8))], heavy)
     assert found.wrench == pytest.approx(np.array([wrench(heavy, PULSES), np.zeros(6)]))
     assert any("supply of the vehicle file" in one for one in found.assumptions)
+    assert found.supply is Supply.ASSUMED
+
+
+@pytest.mark.parametrize("volts", [(14.0, 12.0), (14.0, "")])
+def test_pulses_beside_a_voltage_have_a_measured_supply(heavy: Vehicle, volts: Sequence[object]) -> None:
+    names = ["t", "u", *(f"pwm{n}" for n in range(8)), "supply_V"]
+    found = read(names, [(float(t), 0.1 + t, *PULSES, one) for t, one in enumerate(volts)], heavy)
+    assert found.wrench[0] == pytest.approx(wrench(heavy, PULSES, 14.0))
+    bare = replace(found, wrench_t=found.wrench_t[:0], wrench=found.wrench[:0], supply=Supply.ASSUMED)
+    assert found.supply is joined(found, bare).supply is joined(bare, found).supply is Supply.MEASURED
+
+
+def test_forces_beside_a_voltage_were_computed_by_who_knows(heavy: Vehicle) -> None:
+    names = ["t", "u", *(f"thruster{n + 1}_N" for n in range(8)), "supply_V"]
+    assert read(names, [(0.0, 0.1, *([5.0] * 8), 14.0), (1.0, 0.2, *([5.0] * 8), 14.0)], heavy).supply is Supply.ASSUMED
 
 
 def test_forces_are_in_the_axes_of_the_vehicle_file_whatever_the_velocities_are(heavy: Vehicle) -> None:

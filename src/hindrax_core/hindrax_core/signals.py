@@ -6,6 +6,7 @@ All in SNAME body axes (x forward, y starboard, z down; order surge, sway, heave
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import NamedTuple, TypeAlias
 
 from hindrax_core.events import Stamp
@@ -144,17 +145,28 @@ class Way:
     source: str
 
 
+class Supply(IntEnum):
+    """How the supply voltage is known with which forces were computed; more is better."""
+
+    ASSUMED = 0
+    """The nominal one of the vehicle file."""
+    AT_REST = 1
+    """Between those that were measured before and after, with the thrusters at rest."""
+    MEASURED = 2
+    """Measured while the thrusters worked."""
+
+
 @dataclass(frozen=True, slots=True)
 class Thrust:
     """The wrench that the applied pulses achieve, from this stamp until the next (before thruster lag) [N, N m].
 
     `forces_N`: what each thruster gives, in the order of the vehicle file; empty where unknown.
-    `supply_measured`: the supply voltage that they were computed with was measured, not assumed.
+    `supply`: how the supply voltage is known that they were computed with.
     """
 
     wrench: Vec6
     forces_N: tuple[float, ...] = ()
-    supply_measured: bool = False
+    supply: Supply = Supply.ASSUMED
 
 
 BLOCKED = "blocked"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import NAN, Thrust
+from hindrax_core.signals import NAN, Supply, Thrust
 from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -140,27 +140,28 @@ def test_thrust_of_its_axis_counts_with_what_each_thruster_did(vehicle: Vehicle)
     assert len(unknown.effort) == len(unknown.forces) == 0
 
 
+@pytest.mark.parametrize("less", [Supply.ASSUMED, Supply.AT_REST])
 @pytest.mark.parametrize(
-    ("assumed_s", "measured"), [((), True), ((1.5,), False), ((2.0,), False), ((2.5,), True), ((3.5,), False)]
+    ("less_s", "acts"), [((), False), ((1.5,), True), ((2.0,), True), ((2.5,), False), ((3.5,), True)]
 )
-def test_the_supply_is_measured_where_it_was_for_every_thrust_of_the_stretches(
-    vehicle: Vehicle, assumed_s: tuple[float, ...], measured: bool
+def test_the_supply_is_known_as_that_of_the_least_known_thrust_of_the_stretches(
+    vehicle: Vehicle, less_s: tuple[float, ...], less: Supply, *, acts: bool
 ) -> None:
     session, _ = begun(vehicle, 5)
     for t_s in (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0):
-        session.thrust(t_s, Thrust((1.0,) * 6, (), t_s not in assumed_s))
+        session.thrust(t_s, Thrust((1.0,) * 6, (), less if t_s in less_s else Supply.MEASURED))
     flown = (Stretch(1.0, 2.0), Stretch(3.0, 4.0))
-    assert session.supply_measured(flown) is measured
-    assert session.supply_measured(()) is False
-    assert session.supply_measured((Stretch(0.0, 0.5),)) is False, "no thrust, nothing measured"
+    assert session.supply(flown) is (less if acts else Supply.MEASURED)
+    assert session.supply(()) is Supply.ASSUMED
+    assert session.supply((Stretch(0.0, 0.5),)) is Supply.ASSUMED, "no thrust, nothing measured"
 
 
-@pytest.mark.parametrize("measured", [True, False])
-def test_the_thrust_in_force_as_a_stretch_begins_counts(vehicle: Vehicle, measured: bool) -> None:
+@pytest.mark.parametrize("known", Supply)
+def test_the_thrust_in_force_as_a_stretch_begins_counts(vehicle: Vehicle, known: Supply) -> None:
     session, _ = begun(vehicle, 5)
-    session.thrust(1.0, Thrust((1.0,) * 6, (), measured))
-    session.thrust(2.5, Thrust((1.0,) * 6, (), True))
-    assert session.supply_measured((Stretch(2.0, 3.0),)) is measured
+    session.thrust(1.0, Thrust((1.0,) * 6, (), known))
+    session.thrust(2.5, Thrust((1.0,) * 6, (), Supply.MEASURED))
+    assert session.supply((Stretch(2.0, 3.0),)) is known
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,13 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.axis_fit import AxisFit
 from hindrax_ident.assess.influences import INFLUENCES
-from hindrax_ident.assess.thrust_calibration import branch_covariance, modes, thrust_shares
+from hindrax_ident.assess.thrust_calibration import (
+    UNKNOWN_POWER,
+    branch_covariance,
+    modes,
+    supply_power,
+    thrust_shares,
+)
 from hindrax_ident.assess.uncertainty_budget import Budget, budget_of
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.model_parameters import wide_prior
@@ -219,3 +225,25 @@ def test_a_lopsided_hull_is_named(vehicle: Vehicle) -> None:
     reported = budget(vehicle, record, fitted(vehicle, record))
     assert any("asymmetry" in str(warning.numbers["influence"]) for warning in reported.warnings())
     assert reported.found("fore/aft asymmetry")[0] == pytest.approx(0.19, abs=0.05)
+
+
+def test_thrust_grows_with_the_power_of_the_voltage_that_its_curves_have(vehicle: Vehicle) -> None:
+    """It was 1.7 for all: half as much sag again was taken off the drag of a vehicle whose curve says 1.2."""
+
+    def with_power(power: float) -> Vehicle:
+        curves = {name: replace(one, supply_exponent=power) for name, one in vehicle.curves.items()}
+        return replace(vehicle, curves=curves)
+
+    assert supply_power(vehicle) == pytest.approx(vehicle.curves["main"].supply_exponent)
+    assert supply_power(with_power(0.0)) == 0.0
+    assert supply_power(with_power(2.5)) == pytest.approx(2.5)
+    assert supply_power(replace(vehicle, thrusters=(), curves={})) == UNKNOWN_POWER
+
+
+def test_of_a_table_the_power_is_that_between_its_voltages(vehicle: Vehicle) -> None:
+    pulses = (1100.0, 1400.0, 1475.0, 1525.0, 1600.0, 1900.0)
+    row = np.array([-40.0, -4.0, 0.0, 0.0, 5.0, 50.0])
+    rows = tuple(tuple((row * (volts / 14.0) ** 1.4).tolist()) for volts in (12.0, 14.0, 16.0))
+    table = Curve(table=ThrustTable(pulses, (12.0, 14.0, 16.0), rows), supply_exponent=1.2)
+    flown = replace(vehicle, curves={"main": table}, supply_V=14.0)
+    assert supply_power(flown) == pytest.approx(1.4, abs=0.02)

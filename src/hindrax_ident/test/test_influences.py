@@ -157,7 +157,7 @@ def test_what_is_far_beyond_any_pool_is_no_explanation(flown: AxisFit, monkeypat
     monkeypatch.setattr(Budget, "_needs", lambda *_: True)
     budget = budget_of(flown)
     (at,) = (columns.start for columns, row, _ in budget.rows if row.name == "sag over the run")
-    for times, words in ((-5.0, "evidence of sag over the run (-0.5"), (-59.0, "no influence explains")):
+    for times, words in ((-5.0, "sag over the run (-0.3464 +- 0.0069 in"), (-59.0, "no influence explains")):
         mean = np.zeros(len(budget.mean))
         mean[at] = times
         covariance = 0.01 * np.eye(len(mean))

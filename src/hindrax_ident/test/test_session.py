@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hindrax_core.events import Stamped, after, stamp_from_s
-from hindrax_core.signals import Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.signals import Attitude, Estimate, IdentEvent, Phase, Supply, Thrust, Velocity
 from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
@@ -350,15 +350,15 @@ def test_only_a_record_that_moves_across_has_the_drag_by_it(vehicle: Vehicle, su
     assert not model(surge, 0.2).crossed
 
 
-@pytest.mark.parametrize("measured", [True, False])
+@pytest.mark.parametrize("known", Supply)
 def test_a_supply_that_was_measured_counts_for_the_record_of_an_axis(
-    vehicle: Vehicle, surge: list[Any], measured: bool
+    vehicle: Vehicle, surge: list[Any], known: Supply
 ) -> None:
     """It never did: the record was asked before it had any stretches."""
     session = Session(vehicle, every_s=math.inf)
     for event in surge:
         reading = event.reading
-        told = replace(reading, supply_measured=measured) if isinstance(reading, Thrust) else reading
+        told = replace(reading, supply=known) if isinstance(reading, Thrust) else reading
         session.step(Stamped(event.stamp, told))
     assert session.record(0).stretches
-    assert session.record(0).supply_measured is measured
+    assert session.record(0).supply is known

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from hindrax_analysis.records.ardupilot_log import ArduPilotLog, Quantity, Tables, claimed, read_starts
 from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.recording import Recording, forces_of_pulses, wrenches_of_forces
-from hindrax_analysis.records.thruster_values import supplies_at
+from hindrax_analysis.records.thruster_values import Supplies, supplies_at
 from hindrax_control.allocation.thrust_curve import SERVO_US
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -50,6 +50,7 @@ GRAVITY, HEIGHT_SOURCE, BAROMETER = "BARO_SPEC_GRAV", "EK3_SRC1_POSZ", 1.0
 """Parameters of ArduPilot: specific gravity of the water, and where the estimator has its height from."""
 PASCAL_PER_m, LEAST_SCALE = 9800.0, 0.002
 """Pressure of a metre of water of specific gravity 1 to ArduPilot (AP_Baro); least change of scale that counts."""
+CONVERTED = "pulses of the outputs are converted by the vehicle file"
 MOST_IMPOSSIBLE = 0.01
 """Rows of pulses that no output has, of all, which count as damage; more are another vehicle's or another unit's."""
 LEAST_DEPTH_m = 0.05
@@ -165,7 +166,8 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, of_log: Sequence[st
     t, rows = (array(np.concatenate(column)) for column in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
     tables["pulses"], pulse_note = _possible_pulses(tables["pulses"], vehicle)
-    pulses_t, forces, supply_note = _forces(path, tables, vehicle)
+    pulses_t = tables["pulses"][0]
+    forces, supplies = _forces(path, tables, vehicle)
     tilts_t = [attitude_t]
     tilts = [np.column_stack([attitude[:, :2], np.full(len(attitude), np.nan)])]
     depth = _depths(tables, vehicle)
@@ -180,7 +182,8 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, of_log: Sequence[st
     return Recording(
         str(path), array(t[order]), array(rows[order]), pulses_t, wrenches_of_forces(forces, vehicle),
         array(np.concatenate(tilts_t)[tilt_order]), array(np.concatenate(tilts)[tilt_order]), origin,
-        tuple(one for one in (*notes, pulse_note, supply_note, *of_log) if one), forces=forces,
+        tuple(one for one in (*notes, pulse_note, f"{CONVERTED}; {supplies.note}", *of_log) if one), forces=forces,
+        supply=supplies.known,
     )  # fmt: skip
 
 
@@ -269,10 +272,9 @@ def _possible_pulses(pulses: tuple[Array, Array], vehicle: Vehicle) -> tuple[tup
     return (array(t[possible]), array(rows[possible])), f"{what} that no output has: damage, left out"
 
 
-def _forces(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Array, str]:
-    """Times (n,) [s], forces (n, k) [N] of the thrusters, and a note on the supply voltage."""
+def _forces(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Supplies]:
+    """Forces (n, k) [N] of the thrusters, and the supply voltages that they were computed with."""
     t, channels = tables["pulses"]
     supply_t, supply = tables.get("supply", (array(np.zeros(0)), array(np.zeros((0, 1)))))
-    supplies_V, note = supplies_at(t, supply_t, array(supply[:, 0]), vehicle)
-    forces = forces_of_pulses(str(path), channels.tolist(), supplies_V, vehicle)
-    return t, forces, f"pulses of the outputs are converted by the vehicle file; {note}"
+    supplies = supplies_at(t, supply_t, array(supply[:, 0]), vehicle)
+    return forces_of_pulses(str(path), channels.tolist(), supplies.volts, vehicle), supplies

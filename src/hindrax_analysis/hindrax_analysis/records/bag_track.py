@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from hindrax_analysis.records.thruster_values import ThrusterValues
 from hindrax_bag.read.bag_reader import BagMessage
 from hindrax_core.messages.inputs import BOTTOM
+from hindrax_core.signals import Supply
 from hindrax_ident.arrays import Array, Flags, Index, array
 
 VELOCITY_TYPES = (
@@ -74,6 +75,8 @@ class Track:
     """Where the messages hold numbers of single thrusters instead of a wrench."""
     supplies_V: list[float] = field(default_factory=list)
     """Supply of the thrusters at each of these messages; empty: of the vehicle file."""
+    supply: Supply = Supply.ASSUMED
+    """How these are known."""
 
     def add(self, message: BagMessage) -> None:
         """Append one message; DamagedMessageError, and nothing is appended, where it cannot be decoded."""

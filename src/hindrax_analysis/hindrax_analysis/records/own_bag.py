@@ -24,7 +24,7 @@ from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped
 from hindrax_core.messages.contents import Contents, Read
-from hindrax_core.signals import BLOCKED, IdentEvent, Thrust
+from hindrax_core.signals import BLOCKED, IdentEvent, Supply, Thrust
 from hindrax_core.topics import ALLOCATION, MANEUVER, THRUSTER_HEALTH, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
@@ -102,7 +102,7 @@ def thrust_by(vehicle: Vehicle) -> Contents[Measurement]:
         *pulses_us, supply_V, measured = found
         curves = applied(round(supply_V, 2) if measured else None)
         forces_N = curves.forces_N(pulses_us)
-        return Thrust(curves.wrench(forces_N), forces_N, bool(measured))
+        return Thrust(curves.wrench(forces_N), forces_N, Supply.MEASURED if measured else Supply.ASSUMED)
 
     return Contents(("pulses", "supply_voltage", "supply_measured"), thrust)
 

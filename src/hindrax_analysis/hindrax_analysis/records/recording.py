@@ -14,7 +14,7 @@ import numpy as np
 from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped, stamp_from_s
-from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity, Way
+from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Supply, Thrust, Velocity, Way
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, Flags, array, rounding
 from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objection
@@ -59,6 +59,7 @@ class Recording:
     `attitude` is (k, 3) at `attitude_t` (k,): roll, pitch, depth. `way` is (l, 3) at `way_t` (l,): distances covered
     forward, to starboard and down, which stand for the velocities of their axes. `forces` is (m, k): those of single
     thrusters along their directions in the vehicle file, where the wrench follows from them; else it has no rows.
+    `supply`: how the voltage is known that they were computed with.
     `origin_s` is what the times count from.
     """
 
@@ -74,6 +75,7 @@ class Recording:
     way_t: Array = field(default_factory=lambda: NO_TIMES)
     way: Array = field(default_factory=lambda: NO_WAYS)
     forces: Array = field(default_factory=lambda: NO_FORCES)
+    supply: Supply = Supply.ASSUMED
 
     @property
     def measured_t(self) -> list[Array]:
@@ -180,7 +182,8 @@ def joined(one: Recording, other: Recording) -> Recording:
     assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, note)))
     # Of wrenches in both parts, each on other axes, none has all forces.
     forces = NO_FORCES if len(one.wrench) and len(other.wrench) else one.forces if len(one.wrench) else other.forces
-    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions, *tables[3], forces)
+    supply = min((part.supply for part in (one, other) if len(part.wrench)), default=Supply.ASSUMED)
+    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions, *tables[3], forces, supply)
 
 
 def forces_of_pulses(
@@ -378,7 +381,11 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
     forces = recording.forces if len(recording.forces) else np.zeros((len(recording.wrench), 0))
     thrusts = zip(recording.wrench_t.tolist(), recording.wrench.tolist(), forces.tolist(), strict=True)
-    parts += [(t, 0, Thrust(finite_wrench(one), tuple(each))) for t, one, each in thrusts if math.isfinite(one[axis])]
+    parts += [
+        (t, 0, Thrust(finite_wrench(one), tuple(each), recording.supply))
+        for t, one, each in thrusts
+        if math.isfinite(one[axis])
+    ]
     known = np.isfinite(recording.velocity).any(axis=1)
     holds, tilt_holds, way_holds = (
         ~is_turned_over(axis, recording.attitude_t, recording.attitude, t)

@@ -274,8 +274,8 @@ def _supplied(thrust: Track, batteries: Sequence[Track], vehicle: Vehicle | None
         return thrust, []
     measured = [(array(1e-9 * np.array(one.received)), array(np.ravel(one.rows))) for one in batteries]
     times, volts = next(filter(lambda one: is_connected(one[1]).any(), measured), (NO_TIMES, NO_TIMES))
-    supplies_V, note = supplies_at(array(1e-9 * np.array(thrust.received)), times, volts, vehicle)
-    return replace(thrust, supplies_V=supplies_V), [note]
+    found = supplies_at(array(1e-9 * np.array(thrust.received)), times, volts, vehicle)
+    return replace(thrust, supplies_V=found.volts, supply=found.known), [found.note]
 
 
 def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: Vehicle | None) -> Recording:
@@ -315,6 +315,7 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         way_t=way_t,
         way=array(way * signs[:3]),
         forces=forces[w] if len(forces) else NO_FORCES,
+        supply=wrench.supply,
     )
 
 

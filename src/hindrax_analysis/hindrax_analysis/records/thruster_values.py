@@ -7,13 +7,14 @@ each thruster has a topic of its own, as in simulators, `/rov/thrusters/*/thrust
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hindrax_analysis.records.recording import forces_of_pulses
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, SERVO_US, ThrustCurve, thrust_curves
 from hindrax_core.errors import UsageError
+from hindrax_core.signals import Supply
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, Flags, array
 
@@ -91,8 +92,16 @@ def is_connected(measured_V: Array) -> Flags:
     return (measured_V >= LEAST_V) & (measured_V <= MOST_V)
 
 
-def supplies_at(t: Array, measured_t: Array, measured_V: Array, vehicle: Vehicle) -> tuple[list[float], str]:
-    """Supply of the thrusters at each time, and a note on where it is from.
+class Supplies(NamedTuple):
+    """Supply voltages [V] of n rows in steps of STEP_V, how they are known, and a note on where they are from."""
+
+    volts: list[float]
+    known: Supply
+    note: str
+
+
+def supplies_at(t: Array, measured_t: Array, measured_V: Array, vehicle: Vehicle) -> Supplies:
+    """Supply of the thrusters at each time.
 
     Parameters
     ----------
@@ -105,15 +114,17 @@ def supplies_at(t: Array, measured_t: Array, measured_V: Array, vehicle: Vehicle
 
     Returns
     -------
-    tuple[list[float], str]
-        [V] in steps of STEP_V, n of them.
+    Supplies
+        n of them.
     """
     connected = is_connected(measured_V)
     if not connected.any():
-        return [vehicle.supply_V] * len(t), f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
+        note = f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
+        return Supplies([vehicle.supply_V] * len(t), Supply.ASSUMED, note)
     logged = measured_V[connected]
     volts = STEP_V * np.round(np.interp(t, measured_t[connected], logged) / STEP_V)
-    return volts.tolist(), f"thrust follows the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
+    note = f"thrust follows the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
+    return Supplies(volts.tolist(), Supply.MEASURED, note)
 
 
 def forces_of_thrusters(

@@ -13,7 +13,7 @@ from hindrax_core.messages.cdr import CdrReader
 from hindrax_core.messages.definition import Definition
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
 from hindrax_core.rotation import sname_from_xyzw
-from hindrax_core.signals import Navigation, Phase, Thrust
+from hindrax_core.signals import Navigation, Phase, Supply, Thrust
 from hindrax_core.topics import Topic
 
 ContentT_co = TypeVar("ContentT_co", covariant=True)
@@ -142,7 +142,7 @@ def _navigation(*found: float) -> Navigation:
 
 def _thrust(*found: float) -> Thrust:
     X, Y, Z, K, M, N, *forces_N, measured = found
-    return Thrust((X, Y, Z, K, M, N), tuple(forces_N), bool(measured))
+    return Thrust((X, Y, Z, K, M, N), tuple(forces_N), Supply.MEASURED if measured else Supply.ASSUMED)
 
 
 NAVIGATION = Contents(

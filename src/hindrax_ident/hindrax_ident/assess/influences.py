@@ -15,11 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_core.hydrostatics import GRAVITY_mps2
+from hindrax_core.signals import Supply
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.axis_fit import HEAVE, PITCH, ROLL, SURGE, YAW, AxisFit
 from hindrax_ident.assess.posterior import root
-from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares, usual_losses
+from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, supply_power, thrust_shares, usual_losses
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse, later_impulses
 from hindrax_ident.fit.mean_velocities import mean_velocities
 from hindrax_ident.model.motion_model import HORIZONTAL, INCIDENCE, areas_across
@@ -49,8 +50,9 @@ LOSSES = 0.06
 """Root mean square of the share of thrust lost between thrusters and hull: mean 5 %, at most 10 %. Wash of neighbors at
 1.45 of a share of 0 to 5 % (one neighbor as loaded, one idle), and half of the thrusters towards the hull with another
 (`docs/reference/worlds.md`: Bulten, Stoltenkamp 2013)."""
-LOADED_SAG = 0.03
-"""The same of the share lost at the largest thrust to 0 to 50 mohm of cable and battery: 9 A, thrust with V^1.7."""
+SAG, LOADED_SAG = 0.1, 0.03
+"""Share of the voltage that a battery loses in SAG_S at most: a lithium cell from 4.0 to 3.6 V; and that is lost at the
+largest thrust to 0 to 50 mohm of cable and battery: 9 A of 14.8 V [-]."""
 MEASURED_SAG = 0.005
 """Share of the thrust that may still fall where the supply is measured: its voltage is used in steps of 0.1 V."""
 EDGES, MOST_EDGES = 0.01, 3
@@ -493,9 +495,15 @@ def _of_ranges(sigma: float) -> Callable[[AxisFit], float]:
     return lambda case: sigma if case.record.ranged else 0.0
 
 
-def _sag(assumed: float) -> Callable[[AxisFit], float]:
-    """Of the assumed supply voltage; of a measured one, what its rounding to 0.1 V leaves."""
-    return lambda case: MEASURED_SAG if case.record.supply_measured else assumed
+def _sag(greatest: float, known: Supply) -> Callable[[AxisFit], float]:
+    """Of a voltage lost evenly up to the greatest share; of one that is `known` so well, what its rounding leaves."""
+
+    def sigma(case: AxisFit) -> float:
+        """Root mean square, as thrust."""
+        lost = supply_power(case.vehicle) * greatest / math.sqrt(3.0)
+        return MEASURED_SAG if case.record.supply >= known else lost
+
+    return sigma
 
 
 def _always(sigma: float) -> Callable[[AxisFit], float]:
@@ -541,12 +549,12 @@ INFLUENCES: tuple[Influence, ...] = (
         considered=True, near=0.37,
     ),
     Influence(
-        "sag over the run", "in 15 min", GAIN, _sag(0.1), _drift,
+        "sag over the run", "in 15 min", GAIN, _sag(SAG, Supply.AT_REST), _drift,
         Remedy("measure the supply voltage, or repeat the first leg at the end", condition="battery_sag"),
         near=NEAR_MODEL, loss=True,
     ),
     Influence(
-        "sag under load", "-", MODEL, _sag(LOADED_SAG), _load,
+        "sag under load", "-", MODEL, _sag(LOADED_SAG, Supply.MEASURED), _load,
         Remedy("measure the supply voltage at the ESCs", condition="supply_resistance"), near=NEAR_MODEL, loss=True,
     ),
     Influence(

@@ -10,6 +10,7 @@ then the error sum b_j e(w_j tau) of the thrust, over the thrusters that have th
 """
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -28,6 +29,9 @@ _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(31)
 WIDER_us, PROBABLE = DEAD_BAND_us * _NODES, _WEIGHTS / _WEIGHTS.sum()
 """Dead bands that may be, (d,), and their probabilities: what is lost is no linear function of them."""
 FORCES = 100
+UNKNOWN_POWER, POWER_WITHIN = 1.7, 0.05
+"""Power of the voltage with which thrust grows where no curve tells it, as of a T200 at low thrust (Blue Robotics,
+performance charts, 2019); and within which share of the voltage it is taken from curves [-]."""
 ROUNDING = 1e-9
 """Of the largest force: where thrusters cancel on an axis, a sum is left whose sign depends on the computer."""
 
@@ -82,6 +86,30 @@ def thrust_shares(vehicle: Vehicle, axis: int) -> dict[int, tuple[float, float]]
     B = np.array([unit_wrench(vehicle, thruster) for thruster in vehicle.thrusters]).T
     share = np.linalg.pinv(B)[:, axis]
     return {i: (float(B[axis, i]), float(share[i])) for i in range(B.shape[1])}
+
+
+def supply_power(vehicle: Vehicle) -> float:
+    """Power of the supply voltage with which the thrust of a vehicle grows, about the nominal one [-].
+
+    Parameters
+    ----------
+    vehicle
+        By the curves of its thrusters at half of the pulse ahead; one without any counts as `UNKNOWN_POWER`.
+
+    Returns
+    -------
+    float
+        Mean of the thrusters; 0 where the curves do not depend on a voltage.
+    """
+    powers = {name: _power(curve, vehicle.supply_V) for name, curve in vehicle.curves.items()}
+    return float(np.mean([powers[one.curve] for one in vehicle.thrusters])) if vehicle.thrusters else UNKNOWN_POWER
+
+
+def _power(curve: Curve, supply_V: float) -> float:
+    ahead = running(curve, supply_V).positive
+    half_us = 0.5 * (ahead.from_us + ahead.to_us)
+    low, high = (running(curve, supply_V * (1.0 + side * POWER_WITHIN)).force_N(half_us) for side in (-1.0, 1.0))
+    return math.log(high / low) / math.log((1.0 + POWER_WITHIN) / (1.0 - POWER_WITHIN))
 
 
 def lost_to_dead_bands(vehicle: Vehicle, forces_N: Array) -> Array:

@@ -6,7 +6,7 @@ from operator import mul
 import numpy as np
 
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import NAN, ZERO6, Estimate, Thrust
+from hindrax_core.signals import NAN, ZERO6, Estimate, Supply, Thrust
 from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -344,11 +344,12 @@ class AxisSession:
             ranged=self._is_derived and self._way_source.name == SONAR,
         )
 
-    def supply_measured(self, stretches: tuple[Stretch, ...]) -> bool:
-        """Whether all thrust that acts within the stretches was computed with a measured supply voltage."""
-        measured = series([(t, float(one.supply_measured)) for t, one in self._thrusts])
-        acting = [
-            measured.y[max(0, begin - 1) : end]
-            for begin, end in (np.searchsorted(measured.t, [one.start_s, one.end_s], side="right") for one in stretches)
-        ]
-        return bool(acting) and all(len(one) and np.all(one) for one in acting)
+    def supply(self, stretches: tuple[Stretch, ...]) -> Supply:
+        """How the supply voltage is known of all thrust that acts within the stretches: as of the least known."""
+        known = series([(t, float(one.supply)) for t, one in self._thrusts])
+        least = Supply.MEASURED if stretches else Supply.ASSUMED
+        for one in stretches:
+            begin, end = np.searchsorted(known.t, [one.start_s, one.end_s], side="right")
+            acting = known.y[max(0, begin - 1) : end]
+            least = min(least, Supply(int(acting.min())) if len(acting) else Supply.ASSUMED)
+        return least

@@ -314,7 +314,7 @@ class Session:
         if axis < 2 and not len(kept.velocity):
             tuning = replace(tuning, stretch_s=min(tuning.stretch_s, LONGEST_WAY_S))
         stretches = usable(spans, measured, kept.thrust, tuning)
-        return replace(kept, stretches=stretches, supply_measured=axis_session.supply_measured(stretches))
+        return replace(kept, stretches=stretches, supply=axis_session.supply(stretches))
 
     def planar(self) -> Planar:
         """Thrusts and velocities of surge and sway of a session of surge, to see whether they have the same axes."""

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from hindrax_core.signals import BLOCKED
+from hindrax_core.signals import BLOCKED, Supply
 from hindrax_ident.arrays import Array, Flags, array, largest
 from hindrax_ident.model.thrust_lag import ONE_LAG, LaggedThrust, SumOfThrusts
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
@@ -201,8 +201,8 @@ class Record:
     """Time from zero to the largest thrust, where it ramps, which `thrust` has; 0: none."""
     ranged: bool = False
     """Whether the position is a range to a wall: then its scale is that of the sonar and of the wall's angle."""
-    supply_measured: bool = False
-    """Whether the supply voltage behind the thrust was measured all the time; else it was assumed."""
+    supply: Supply = Supply.ASSUMED
+    """How the supply voltage behind the thrust was known all the time."""
 
     @property
     def coupling(self) -> float:

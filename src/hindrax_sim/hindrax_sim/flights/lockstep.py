@@ -19,7 +19,7 @@ from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, BottomVelocity, Echo, Pressure, Reading, Vec6
 from hindrax_core.rotation import FSD
-from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
+from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Supply, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.output.output_guard import RefusedCommand, Request, guard_of
 from hindrax_drivers.output.output_reasons import OutputReason, output_reason
@@ -191,7 +191,8 @@ class Onboard:
         self._became = applied
         self.navigator.thrust(applied.forces_N)
         events.append(Stamped(made.stamp, applied))
-        thrust = Thrust(applied.achieved, applied.forces_N, self.cycle.supply_V is not None)
+        supply = Supply.ASSUMED if self.cycle.supply_V is None else Supply.MEASURED
+        thrust = Thrust(applied.achieved, applied.forces_N, supply)
         self._learn(Stamped(made.stamp, thrust), events)
 
     def _arm(self, wanted: bool, now: Stamp) -> None:

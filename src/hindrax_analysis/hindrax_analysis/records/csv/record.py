@@ -63,7 +63,7 @@ from hindrax_analysis.records.recording import (
 )
 from hindrax_analysis.records.thruster_values import FORCES as THRUSTER_FORCES
 from hindrax_core.errors import HindraxError
-from hindrax_core.signals import NAN
+from hindrax_core.signals import NAN, Supply
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 
@@ -136,9 +136,9 @@ def read_records(
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
     unnamed = {meaning.name for meaning in meanings.values() if not meaning.has_unit}
     columns["t"] = _over_midnight(columns["t"])
-    forces_are = REAL_FORCES
+    forces_are, supply = REAL_FORCES, Supply.ASSUMED
     if outputs:
-        made_forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
+        made_forces, forces_are, supply = _forces_of_outputs(outputs, header, rows, source, vehicle)
         columns |= made_forces
     columns, by_angles = in_radians(columns, unnamed, vehicle.inertia if vehicle else ())
     columns, by_quaternion = with_angles_of_quaternion(columns)
@@ -165,7 +165,7 @@ def read_records(
     of_motion = (*by_angles, *by_quaternion, *by_pose, *by_world, *rated)
     assumptions = tuple(one for one in (by_size, *of_motion, *axes, forces_are, alone, twice, coarse, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
-    return [replace(one, assumptions=assumptions) for one in turned]
+    return [replace(one, assumptions=assumptions, supply=supply) for one in turned]
 
 
 def _alone(columns: Collection[str], unknown: list[str]) -> str:
@@ -375,8 +375,8 @@ def _is_known(cell: str) -> bool:
 
 def _forces_of_outputs(
     columns: dict[int, OutputColumn], header: list[str], rows: list[Row], source: str, vehicle: Vehicle | None
-) -> tuple[dict[str, Array], str]:
-    """Columns (n,) of the thrusters [N] and of the wrench in SNAME axes [N, N m], and what was assumed for them."""
+) -> tuple[dict[str, Array], str, Supply]:
+    """Columns (n,) of the thrusters [N] and of the wrench in SNAME axes [N, N m], what was assumed, and the supply."""
     numbers = {index: _values(rows, index, "", f"column {header[index]}", source) for index in columns}
     supply = supply_column(header)
     volts = array(np.full(len(rows), NAN)) if supply is None else _values(rows, supply, "", header[supply], source)
@@ -387,7 +387,8 @@ def _forces_of_outputs(
     made |= zip(FORCES, wrenches_of_forces(forces, vehicle).T, strict=True)
     supplied = f"at the voltage of {header[supply]}" if supply is not None else "at the supply of the vehicle file"
     how = f", {supplied}" if found.unit != THRUSTER_FORCES else ""
-    return made, f"forces follow from {len(columns)} outputs by the thrusters of the vehicle file{how}"
+    supply_known = Supply.MEASURED if found.is_supply_measured else Supply.ASSUMED
+    return made, f"forces follow from {len(columns)} outputs by the thrusters of the vehicle file{how}", supply_known
 
 
 def _values(rows: list[Row], index: int, name: str, column: str, source: str) -> Array:

@@ -95,6 +95,11 @@ class Outputs:
     """(n,); NaN: not measured."""
 
     @property
+    def is_supply_measured(self) -> bool:
+        """Whether the forces are those at a measured voltage."""
+        return self.unit != FORCES and bool(np.isfinite(self.supply_V).any())
+
+    @property
     def _first(self) -> int:
         return 0 if 0 in self.by_number else 1
 
