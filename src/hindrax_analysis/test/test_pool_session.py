@@ -22,11 +22,13 @@ from hindrax_analysis.identification.pool_session import (
     run_steps,
     save,
 )
+from hindrax_analysis.identification.supply_at_rest import RestVolts
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AxisGain
 from hindrax_ident.assess.results import Contribution, Corrected, DragBand, Interval, MotionResult, Number
 from hindrax_ident.remedies import WEIGH_THRUST, Remedy
 
+VOLTS = RestVolts(16.1, 15.2)
 GAIN = AxisGain(load=15.0, sigma=0.004, positive=0.94, negative=0.95)
 
 
@@ -60,7 +62,11 @@ class StandIn:
         self._ask(f"weigh {axis}")
         return GAIN, 250.0, ""
 
-    def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
+    def volts(self) -> RestVolts | None:
+        return VOLTS
+
+    def estimate(self, bags: Mapping[Path, RestVolts | None], session: PoolSession) -> Mapping[str, Reached]:
+        assert set(bags.values()) == {VOLTS}
         self.bags.append([bag.name for bag in bags])
         drag = 0.2 / (1.0 + len(session.gains) + len(bags))
         return {"surge": Reached(drag, 0.05, 0.5 * drag, 0.9 * drag, 0.04, "inflow loss", "coast")}
@@ -77,6 +83,7 @@ def test_legs_come_first_and_one_estimate_follows_all_weighings(tmp_path: Path) 
     assert stand.asked == ["tether", "thrusters", legs[0], "weigh surge", "weigh yaw", legs[1]]
     assert stand.bags == [["legs-1"], ["legs-1"], ["legs-1", "legs-2"]]
     assert done.gains == {"surge": GAIN, "yaw": GAIN}
+    assert [step.name for step in done.done if step.volts == VOLTS] == list(done.planned[2:])
     assert done.seconds == 50.0 + 60.0 + 250.0 + 250.0 + 60.0
     assert [step.name for step in done.done if step.reached] == ["legs 1", "weigh yaw", "legs 2"]
 

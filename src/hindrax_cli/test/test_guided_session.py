@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from hindrax_analysis.identification.pool_session import PoolSession, Reached, Step, load, save
+from hindrax_analysis.identification.supply_at_rest import RestVolts
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
@@ -96,7 +97,9 @@ def flights_without_a_stack(
     def weigh(*_: object) -> tuple[AxisGain, float, str]:
         return AxisGain(load=15.0, sigma=0.004, positive=0.94, negative=0.94), 200.0, ""
 
-    def estimate(_runner: StackStepRunner, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
+    def estimate(
+        _runner: StackStepRunner, bags: Mapping[Path, RestVolts | None], session: PoolSession
+    ) -> Mapping[str, Reached]:
         drag = 0.2 / (len(bags) + len(session.gains))
         return {"surge": Reached(drag, 0.05, drag, drag, 0.06, "own wake", "rest between legs")}
 
@@ -156,12 +159,60 @@ def test_a_page_shows_what_is_to_be_done_before_the_legs_and_only_enter_arms(
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
     monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
     monkeypatch.setattr(session_steps, "entered", lambda: bool(asking))
+    monkeypatch.setattr(session_steps, "entered_line", lambda: "" if len(asking) == 2 else None)
     monkeypatch.setattr("time.sleep", tap)
     main(["pool-test", "--session", str(day), "--repeats", "1", "--uncommissioned"])
-    assert asking == [session_steps.LEAD_AWAY]
+    assert asking == [session_steps.LEAD_AWAY, f"{session_steps.READ_SUPPLY}; Enter alone: it cannot be read"]
     assert "then press Enter" in capsys.readouterr().err
     assert yaml.safe_load((day / "session.yaml").read_text())["done"][0]["remark"] == ""
     assert asked(day) is None
+
+
+@pytest.mark.parametrize(
+    ("lines", "volts"),
+    [
+        (["16.4", "15.9", "", "15.2"], [[16.4, 15.9], [15.9, 15.2]]),
+        ([""], [None, None]),
+        (["4.1", "four", "16.4 V", "", "", ""], [[16.4, 16.4], [16.4, 16.4]]),
+    ],
+)
+def test_who_can_read_the_supply_is_asked_before_and_after_each_flight(
+    lines: list[str],
+    volts: list[list[float] | None],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    typed = list(lines)
+    flights_without_a_stack(monkeypatch)
+    monkeypatch.setattr(guided_session, "require_tty", lambda: None)
+    monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(session_steps, "entered", lambda: True)
+    monkeypatch.setattr(session_steps, "entered_line", lambda: typed.pop(0))
+    main(["pool-test", "--session", str(tmp_path / "day"), "--dof", "roll", "--repeats", "2", "--uncommissioned"])
+    said = capsys.readouterr().err
+    done = yaml.safe_load((tmp_path / "day" / "session.yaml").read_text())["done"]
+    found = [step["volts"] and [*step["volts"].values()] for step in done if step["name"].startswith("legs")]
+    assert found == volts
+    assert not typed
+    # Of one cell, and no number at all.
+    for refused in {"4.1", "four"} & set(lines):
+        assert f"found '{refused}', wanted the volts of the supply, 11.1 to 18.5" in said
+
+
+def test_a_supply_that_a_sensor_measures_is_not_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flights_without_a_stack(monkeypatch)
+    monkeypatch.setattr(guided_session, "require_tty", lambda: None)
+    monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
+    monkeypatch.setattr(session_steps, "entered", lambda: True)
+    monkeypatch.setattr(session_steps, "entered_line", lambda: pytest.fail("asked for the supply"))
+    plain = yaml.safe_load(default_vehicle().read_text())
+    optional = default_vehicle().parent.parent / "config" / "optional_sensors.yaml"
+    plain["sensors"]["ina226"] = yaml.safe_load(optional.read_text())["ina226"]
+    (tmp_path / "supplied.yaml").write_text(yaml.safe_dump(plain))
+    words = ["--dof", "yaw", "--repeats", "1", "--uncommissioned", "--vehicle", str(tmp_path / "supplied.yaml")]
+    main(["pool-test", "--session", str(tmp_path / "day"), *words])
+    assert yaml.safe_load((tmp_path / "day" / "session.yaml").read_text())["done"][2]["volts"] is None
 
 
 def test_legs_that_did_not_start_are_tried_once_more(
@@ -351,6 +402,7 @@ def test_no_client_arms_a_real_vehicle(
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
     monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
     monkeypatch.setattr(session_steps, "entered", lambda: bool(asking))
+    monkeypatch.setattr(session_steps, "entered_line", lambda: "")
     monkeypatch.setattr("time.sleep", tap)
     by_action(monkeypatch, ([], 1))
     main(["pool-test", "--session", str(day), "--action", "--uncommissioned"])
@@ -389,6 +441,7 @@ def test_nothing_is_armed_again_while_a_weight_is_taken_off(tmp_path: Path, monk
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
     monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
     monkeypatch.setattr(session_steps, "entered", enter)
+    monkeypatch.setattr(session_steps, "entered_line", lambda: "")
     main(["pool-test", "--session", str(day), "--load", "15", "--uncommissioned"])
     off = session_steps.TAKE_OFF
     assert happened == [session_steps.LEAD_AWAY, "legs-1", "weigh-surge", off, "legs-2"]
@@ -412,6 +465,7 @@ def test_legs_that_were_aborted_are_flown_again_when_somebody_says_so(
     monkeypatch.setattr(guided_session, "require_tty", lambda: None)
     monkeypatch.setattr(session_steps, "forget_what_was_typed", lambda: None)
     monkeypatch.setattr(session_steps, "entered", enter)
+    monkeypatch.setattr(session_steps, "entered_line", lambda: "")
     main(["pool-test", "--session", str(day), "--repeats", "1", "--uncommissioned"])
     assert asking[0] == session_steps.LEAD_AWAY
     assert asking[1:] == [session_steps.AGAIN.format("pool_box: too near to a wall")]

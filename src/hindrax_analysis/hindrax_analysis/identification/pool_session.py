@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 import yaml
 
+from hindrax_analysis.identification.supply_at_rest import RestVolts
 from hindrax_analysis.next_step import UNKNOWN, quoted_share
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.refusals import NOTHING, Refusal, from_sentence
@@ -113,6 +114,8 @@ class Step:
     remark: str = ""
     """Why it was left out or is not whole; empty when it was done."""
     reached: Mapping[str, Reached] = field(default_factory=dict)
+    volts: RestVolts | None = None
+    """Supply at rest before and after what was flown, where a person read it."""
 
     @property
     def kind(self) -> str:
@@ -149,9 +152,9 @@ class PoolSession:
         return {step.subject: step.gain for step in self.done if step.gain is not None}
 
     @property
-    def folders(self) -> list[str]:
-        """Folders with a bag of legs."""
-        return [step.folder for step in self.done if step.kind == LEGS and step.folder]
+    def folders(self) -> dict[str, RestVolts | None]:
+        """Folders with a bag of legs, and their supply at rest."""
+        return {step.folder: step.volts for step in self.done if step.kind == LEGS and step.folder}
 
     @property
     def reached(self) -> Mapping[str, Reached]:
@@ -250,8 +253,11 @@ class StepRunner(Protocol):
             Its gain, seconds in the water, and why there is none.
         """
 
-    def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
-        """One estimate over all bags with all gains."""
+    def volts(self) -> RestVolts | None:
+        """Supply at rest before and after the last legs or weighing; None where nobody read it."""
+
+    def estimate(self, bags: Mapping[Path, RestVolts | None], session: PoolSession) -> Mapping[str, Reached]:
+        """One estimate over all bags, each at its supply, with all gains."""
 
 
 def run_steps(
@@ -285,7 +291,8 @@ def run_steps(
         # Weighings one after the other need one estimate, after the last.
         more = step.kind == WEIGH and session.left and session.left[0].startswith(WEIGH)
         if step.kind in {LEGS, WEIGH} and not more and session.folders:
-            reached = runner.estimate([folder / one for one in session.folders], session)
+            bags = {folder / name: volts for name, volts in session.folders.items()}
+            reached = runner.estimate(bags, session)
             session = replace(session, done=(*session.done[:-1], replace(step, reached=reached)))
             save(session, folder)
         report(session)
@@ -301,7 +308,7 @@ def _do(name: str, motions: tuple[str, ...], session: PoolSession, folder: Path,
         return replace(step, folder=place.name, seconds=seconds, remark=remark)
     if step.kind == WEIGH:
         gain, seconds, remark = runner.weigh(step.subject, _free(folder, name), session)
-        return replace(step, gain=gain, seconds=seconds, remark=remark)
+        return replace(step, gain=gain, seconds=seconds, remark=remark, volts=runner.volts())
     seconds, aborted = 0.0, ""
     for _ in range(TRIES_OF_LEGS):
         place = _free(folder, name)
@@ -311,7 +318,8 @@ def _do(name: str, motions: tuple[str, ...], session: PoolSession, folder: Path,
             break
     # Of legs that were aborted twice, what was flown counts.
     flown = place.name if (place / "bag").is_dir() else ""
-    return Step(name, flown, seconds=seconds, remark=f"{TWICE}{aborted}" if aborted else "")
+    remark = f"{TWICE}{aborted}" if aborted else ""
+    return Step(name, flown, seconds=seconds, remark=remark, volts=runner.volts())
 
 
 def _free(folder: Path, name: str) -> Path:
@@ -346,7 +354,9 @@ def load(folder: Path) -> PoolSession:
 
 def _step(plain: Mapping[str, Any]) -> Step:
     gain = None if plain["gain"] is None else AxisGain(**plain["gain"])
-    return Step(**{**plain, "gain": gain, "reached": {name: Reached(**one) for name, one in plain["reached"].items()}})
+    reached = {name: Reached(**one) for name, one in plain["reached"].items()}
+    volts = RestVolts(**plain["volts"]) if plain.get("volts") else None
+    return Step(**{**plain, "gain": gain, "reached": reached, "volts": volts})
 
 
 # ---- in words

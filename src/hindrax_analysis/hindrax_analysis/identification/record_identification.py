@@ -11,6 +11,7 @@ import numpy as np
 
 from hindrax_analysis.identification.bag_identification import Identified, identify_bag
 from hindrax_analysis.identification.executor import HERE, Workers
+from hindrax_analysis.identification.supply_at_rest import RestVolts, at_rest_volts
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
 from hindrax_analysis.records.blueos_recording import recordings
 from hindrax_analysis.records.csv.record import read_records
@@ -92,6 +93,8 @@ class RecordSource:
     """Files that were joined to the first."""
     damage: tuple[str, ...] = ()
     """What of a bag of this stack was left out."""
+    volts: RestVolts | None = None
+    """Supply of a bag of this stack, at rest before and after it, where no sensor measured it."""
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -296,7 +299,7 @@ def _identify(
     workers: Workers = HERE,
 ) -> Identified:
     axes, span = task.axes or tuple(range(6)), task.span
-    if len(sources) == 1 and sources[0].recording is None and span.whole:
+    if len(sources) == 1 and sources[0].recording is None and sources[0].volts is None and span.whole:
         found = identify_bag(sources[0].path, vehicle, mock=sources[0].mock, tuning=task.tuning, progress=progress)
         return _with_axes_only(found, axes)
     ours = _own(sources)
@@ -371,7 +374,12 @@ def _with_axes_only(identified: Identified, axes: Sequence[int]) -> Identified:
 
 
 def _own_events(sources: Sequence[RecordSource], vehicle: Vehicle, span: Span) -> Iterator[Stamped[IdentEvent]]:
-    return events_apart([bag_events(source.path, vehicle) for source in sources], span)
+    return events_apart([_own_record(source, vehicle) for source in sources], span)
+
+
+def _own_record(source: RecordSource, vehicle: Vehicle) -> Iterator[Stamped[IdentEvent]]:
+    found = bag_events(source.path, vehicle)
+    return found if source.volts is None else at_rest_volts(found, vehicle, source.volts)
 
 
 def events_apart(

@@ -18,6 +18,7 @@ from dataclasses import replace
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
 from hindrax_core.thrust.curves import Branch, Curve, running, slope, value
+from hindrax_core.vehicle import Vehicle
 from hindrax_sim.conditions.realization import Realization
 from hindrax_sim.physics.geometry import combined, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
@@ -205,8 +206,27 @@ def battery_sag(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: A lithium cell from 4.0 to 3.6 V.
     """
-    volts_per_s = size * world.vehicle.supply_V / SAG_S
-    _drop_supply(world, lambda time_s, _plant: volts_per_s * time_s)
+    _drop_supply(world, lambda time_s, _plant: world.vehicle.supply_V - sagged_V(world.vehicle, size, time_s))
+
+
+def sagged_V(vehicle: Vehicle, size: float, time_s: float) -> float:
+    """Supply at rest after some time of a flight that began with a full battery [V].
+
+    Parameters
+    ----------
+    vehicle
+        Whose nominal voltage a full battery has.
+    size : [-]
+        Of `battery_sag`, in 15 min.
+    time_s : [s]
+        Of the flight.
+
+    Returns
+    -------
+    float
+        [V].
+    """
+    return vehicle.supply_V * (1.0 - size * time_s / SAG_S)
 
 
 def supply_resistance(world: Realization, size: float, _draws: NormalDraws) -> None:

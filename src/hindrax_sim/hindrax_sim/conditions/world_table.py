@@ -14,7 +14,9 @@ from hindrax_sim.physics.normal_draws import NormalDraws
 IDEAL, POOL = "ideal", "pool"
 FORM = "ideal, pool, or NAME[=SIZE],... such as tether=1,dvl_yaw=2; after pool, they replace drawn sizes"
 SIGNED, ONE_SIDED = "normal", "uniform"
-SUPPLY_RESISTANCE = "supply_resistance"
+SUPPLY_RESISTANCE, BATTERY_SAG = "supply_resistance", "battery_sag"
+METER = 0.003
+"""Standard deviation of the gain of a handheld meter: 0.5 % and two digits are its limits (Fluke 115, users manual)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,7 @@ _ROWS = (
     Condition("late_stops", "s", 0.1, thrust.late_stops, ONE_SIDED, 0.0, most=1.0),
     Condition("thruster_wash", "-", 0.05, thrust.thruster_wash, ONE_SIDED, 0.05, most=0.5),
     Condition("hull_wash", "-", 0.05, thrust.hull_wash, ONE_SIDED, 0.05, most=1.0),
-    Condition("battery_sag", "-", 0.1, thrust.battery_sag, ONE_SIDED, 0.1, most=0.5),
+    Condition(BATTERY_SAG, "-", 0.1, thrust.battery_sag, ONE_SIDED, 0.1, most=0.5),
     Condition(SUPPLY_RESISTANCE, "ohm", 0.05, thrust.supply_resistance, ONE_SIDED, 0.05, most=1.0),
     Condition("tether", "N", 1.0, water.tether, ONE_SIDED, 1.0, most=100.0),
     Condition("tether_drag", "N", 2.0, water.tether_drag, ONE_SIDED, 2.0, most=100.0),
@@ -119,6 +121,29 @@ def sizes_of(world: str, seed: int) -> dict[str, float]:
         rest = [first, *rest]
     sizes |= dict(_named(text, world) for text in rest)
     return {name: size for name, size in sizes.items() if size != 0.0}
+
+
+def rest_volts(vehicle: Vehicle, world: str, seed: int, flown_s: float) -> tuple[float, float]:
+    """What a person reads on a meter at the supply of a mock, at rest: before a flight and after it.
+
+    Parameters
+    ----------
+    vehicle
+        Whose nominal voltage a full battery has.
+    world, seed
+        As of the flight.
+    flown_s : [s]
+        How long it was.
+
+    Returns
+    -------
+    tuple[float, float]
+        [V], both off by the gain of the meter.
+    """
+    gain = 1.0 + METER * NormalDraws("meter", seed).normal()
+    size = sizes_of(world, seed).get(BATTERY_SAG, 0.0)
+    before, after = (round(gain * thrust.sagged_V(vehicle, size, at_s), 2) for at_s in (0.0, flown_s))
+    return before, after
 
 
 def _named(text: str, world: str) -> tuple[str, float]:

@@ -186,11 +186,17 @@ def forget_what_was_typed() -> None:
 
 def entered() -> bool:
     """Whether a line was entered, without waiting: heartbeats must continue; HindraxError at the end of the input."""
+    return entered_line() is not None
+
+
+def entered_line() -> str | None:
+    """The line that was entered, None: none yet; HindraxError at the end of the input."""
     if not select.select([sys.stdin], [], [], 0.0)[0]:
-        return False
-    if not sys.stdin.readline():
+        return None
+    line = sys.stdin.readline()
+    if not line:
         raise HindraxError("the input has ended, wanted Enter for each step; `weigh --bag --hold` evaluates a record")
-    return True
+    return line.strip()
 
 
 def _from_bag(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[Hold]:

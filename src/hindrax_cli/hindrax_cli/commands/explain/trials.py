@@ -105,17 +105,31 @@ def _sessions(arguments: argparse.Namespace, motions: tuple[str, ...], seeds: ra
 
 def print_sessions(document: Document) -> None:
     """Print one line per motion: goal, then the medians after each kind of step, and the coverage."""
-    numbers = ("goal [%]", "first legs [%]", "weighed [%]", "repeated [%]", "9 in 10 [%]", "mass [%]", "covered")
-    keys = ("goal_drag", "drag_first", "drag_weighed", "drag", "drag_p90", "added_mass")
+    shares = {
+        "goal [%]": "goal_drag",
+        "first legs [%]": "drag_first",
+        "supply [%]": "drag_supply",
+        "weighed [%]": "drag_weighed",
+        "repeated [%]": "drag",
+        "9 in 10 [%]": "drag_p90",
+        "mass [%]": "added_mass",
+    }
     rows = [
-        (one["motion"], *(f"{100 * one[key]:.1f}" for key in keys), f"{one['coverage95']:.0%}", one["cause"])
+        (one["motion"], *(f"{100 * one[key]:.1f}" for key in shares.values()), f"{one['coverage95']:.0%}", one["cause"])
         for one in document["motions"]
     ]
     title = (
         f"sessions: {document['runs']}, each {document['minutes']:.0f} min of water; calibrated std of the drag at the "
         f"highest speed (medians), wanted for the added mass {MASS_GOAL:.0%}, of the 95 % intervals covered 90 %"
     )
-    print_table(title, ("motion",), numbers, rows, ("largest that is left",), spare=("first legs [%]",))
+    print_table(
+        title,
+        ("motion",),
+        (*shares, "covered"),
+        rows,
+        ("largest that is left",),
+        spare=("first legs [%]", "supply [%]"),
+    )
     for seed, trouble in document["troubles"].items():
         print_fitted(f"seed {seed}: {trouble}")
 

@@ -127,7 +127,8 @@ def guided(
         if not session.folders:
             why = next((step.remark for step in reversed(session.done) if step.kind == LEGS), "none were planned")
             raise HindraxError(f"{folder.path}: no legs were flown ({why}), so there is no estimate")
-        identified = runner.identified or runner.identify(_bags(session, folder), session)
+        bags_of = {folder.path / name: volts for name, volts in session.folders.items()}
+        identified = runner.identified or runner.identify(bags_of, session)
     except KeyboardInterrupt:
         mock = " --mock" if session.settings["mock"] else ""
         print_stderr(f"stopped; `./hindrax pool-test --session {folder.path}{mock}` goes on with the step in hand")

@@ -14,6 +14,7 @@ from hindrax_analysis.identification.pool_session import (
     MASS_GOAL,
     WEIGH,
     PoolSession,
+    Reached,
     Step,
     drag_goal,
     order_of,
@@ -21,14 +22,19 @@ from hindrax_analysis.identification.pool_session import (
     reached_of,
 )
 from hindrax_analysis.identification.record_identification import events_apart
+from hindrax_analysis.identification.supply_at_rest import RestVolts, at_rest_volts, gain_at_rest_volts
 from hindrax_core.events import Stamped
 from hindrax_core.signals import IdentEvent
 from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_core.vehicle import AXES, AxisGain, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
 from hindrax_ident.online.session import Session
+from hindrax_sim.conditions.world_table import rest_volts
 from hindrax_sim.flights.pool_flight import PoolFlight, calibrated, fly
 from hindrax_sim.flights.weighing_flight import fly_weighing, mock_load
+
+SUPPLY = "supply"
+"""Stage of a trial after which the supply of the first legs is known, at rest before and after them."""
 
 
 def weigh_in_lockstep(
@@ -93,21 +99,21 @@ def session_trial(seed: int, motions: tuple[str, ...], vehicle_file: str, world:
     Returns
     -------
     SessionTrial
-        The estimate after the first legs, after all weighings, and after the repeats.
+        The estimate after the first legs, without the supply and with it, after all weighings, and after the repeats.
     """
     vehicle = calibrated(load_vehicle(vehicle_file))
     flights: list[PoolFlight] = []
-    heard: list[list[Stamped[IdentEvent]]] = []
+    heard: list[Sequence[Stamped[IdentEvent]]] = []
     steps = planned_steps(motions, repeats)
-    session = PoolSession({"motions": list(motions)}, steps[steps.index(f"{LEGS} 1") :])
+    planned = steps[steps.index(f"{LEGS} 1") :]
+    session = PoolSession({"motions": list(motions)}, planned)
     results = Results({}, vehicle)
     trouble = ""
-    for name in session.planned:
+    for name, after in zip(planned, (*planned[1:], ""), strict=True):
         step = Step(name)
         if step.kind == LEGS:
             events: list[Stamped[IdentEvent]] = []
-            flown = order_of(motions, int(step.subject))
-            flight = fly(flown, seed, world, vehicle=vehicle, listen=events.append)
+            flight = fly(order_of(motions, int(step.subject)), seed, world, vehicle=vehicle, listen=events.append)
             trouble = trouble or str(flight.aborted)
             flights.append(flight)
             heard.append(events)
@@ -116,12 +122,24 @@ def session_trial(seed: int, motions: tuple[str, ...], vehicle_file: str, world:
             gain, seconds, remark = weigh_in_lockstep(vehicle, step.subject, world, seed)
             trouble = trouble or (f"{name}: {remark}" if remark else "")
             step = replace(step, gain=gain, seconds=seconds, remark=remark)
-        session = replace(session, done=(*session.done, step))
-        if step.kind == LEGS or not (session.left and session.left[0].startswith(WEIGH)):
+        read, volts = step, None
+        if not vehicle.measuring("supply"):
+            volts = RestVolts(*rest_volts(vehicle, world, seed, step.seconds))
+            read = replace(step, volts=volts, gain=step.gain and gain_at_rest_volts(step.gain, vehicle, volts))
+        if volts is not None and step.kind == LEGS:
+            if len(flights) == 1:  # what the reading buys shows here best: all other steps are still to come
+                session = replace(session, done=(replace(step, reached=_reached(_joint(heard, vehicle))),))
+                read = replace(read, name=SUPPLY, seconds=0.0)
+            heard[-1] = list(at_rest_volts(heard[-1], vehicle, volts))
+        session = replace(session, done=(*session.done, read))
+        if step.kind == LEGS or not after.startswith(WEIGH):
             results = _joint(heard, session.weighed(vehicle))
-            reached = {motion: reached_of(one) for motion, one in results.motions.items()}
-            session = replace(session, done=(*session.done[:-1], replace(step, reached=reached)))
+            session = replace(session, done=(*session.done[:-1], replace(read, reached=_reached(results))))
     return SessionTrial(seed, session.done, _errors(results, flights[0]), trouble)
+
+
+def _reached(results: Results) -> dict[str, Reached]:
+    return {motion: reached_of(one) for motion, one in results.motions.items()}
 
 
 def _joint(heard: Sequence[Sequence[Stamped[IdentEvent]]], vehicle: Vehicle) -> Results:
@@ -170,10 +188,11 @@ def session_summary(trials: Sequence[SessionTrial]) -> dict[str, Any]:
 
 
 def _row(motion: str, trials: Sequence[SessionTrial]) -> dict[str, object]:
-    first, weighed_, last = [], [], []
+    first, supplied, weighed_, last = [], [], [], []
     for trial in trials:
         stages = [step for step in trial.steps if motion in step.reached]
         first.append(stages[0].reached[motion].drag)
+        supplied.append(next((one for one in stages if one.kind == SUPPLY), stages[0]).reached[motion].drag)
         weighed_.append(next((one for one in reversed(stages) if one.kind == WEIGH), stages[0]).reached[motion].drag)
         last.append(stages[-1].reached[motion])
     drags = np.array([one.drag for one in last])
@@ -184,6 +203,7 @@ def _row(motion: str, trials: Sequence[SessionTrial]) -> dict[str, object]:
         "goal_drag": drag_goal(motion),
         "goal_added_mass": MASS_GOAL,
         "drag_first": float(np.median(first)),
+        "drag_supply": float(np.median(supplied)),
         "drag_weighed": float(np.median(weighed_)),
         "drag": float(np.median(drags)),
         "drag_p90": float(np.percentile(drags, 90.0)),

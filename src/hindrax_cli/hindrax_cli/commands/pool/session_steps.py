@@ -4,7 +4,8 @@ import argparse
 import shlex
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -16,6 +17,7 @@ from hindrax_analysis.identification.known_weight import SHARES, Hold, gain_or_r
 from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.identification.pool_session import LEGS, TETHER, PoolSession, Reached, reached_of
 from hindrax_analysis.identification.record_identification import IdentificationTask, identify_sources, open_sources
+from hindrax_analysis.identification.supply_at_rest import RestVolts, gain_at_rest_volts
 from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder, make_run_folder
@@ -24,6 +26,7 @@ from hindrax_cli.commands.experiment.weigh import (
     LEVER_SIGMA_m,
     ask_for_load,
     entered,
+    entered_line,
     forget_what_was_typed,
 )
 from hindrax_cli.commands.operate.commission import whole_table
@@ -49,6 +52,9 @@ TAKE_OFF = "take the weight and its line off, and keep away from the thrusters"
 AGAIN = "the last step was not flown to its end ({}): see to that, and keep away from the thrusters"
 GO_ON = "a client goes on with the session: see that nobody is near the thrusters, which are armed next"
 NOT_AS_ITS_FILE = "the vehicle is not as its file says ({}), so no legs are flown; {}"
+READ_SUPPLY = "read the supply voltage at the battery, all thrusters at rest; type the volts, then press Enter"
+RESTING = 0.75, 1.25
+"""Limits of a supply at rest, as shares of the nominal one: a cell alone, or two in series, is another number [-]."""
 TURN_S = 0.1
 
 
@@ -77,6 +83,10 @@ class StackStepRunner:
         self._say_plan()
         self.identified: Identified | None = None
         self._aborted = ""
+        # Where a sensor measures the supply, the thrust in the bag is that of its voltage.
+        self._reads_supply = not self._yes and not self.vehicle.measuring("supply")
+        self._read_V: float | None = None
+        self._volts: RestVolts | None = None
 
     def _say_plan(self) -> None:
         print_stderr(proof_of(self.vehicle, self.options).text)
@@ -140,8 +150,54 @@ class StackStepRunner:
             After a Ctrl-C has ended the flight in neutral: it ends the session.
         """
         made = make_run_folder(str(folder), self._file)
+        self._confirm_after_abort()
+        before_V = self._supply_V()
         flight = self._flown(LEGS, made, partial(fly, replace(self.options, motions=motions)))
+        self._keep_volts(before_V, flight.vehicle_s)
         return flight.vehicle_s, self._aborted
+
+    def volts(self) -> RestVolts | None:
+        """Supply at rest before and after the last legs or weighing."""
+        return self._volts
+
+    def _supply_V(self) -> float | None:
+        """Ask for the supply voltage at rest, until it is one; None where it is not read."""
+        if self.options.mock is not None or not self._reads_supply:
+            return None
+        before_V, (low_V, high_V) = self._read_V, (part * self.vehicle.supply_V for part in RESTING)
+        alone = "it cannot be read" if before_V is None else f"still {before_V:g} V"
+        while text := self._typed(f"{READ_SUPPLY}; Enter alone: {alone}"):
+            with suppress(ValueError):
+                if low_V <= (volts := float(text.removesuffix("V"))) <= high_V:
+                    self._read_V = volts
+                    return volts
+            print_stderr(f"found {text!r}, wanted the volts of the supply, {low_V:.3g} to {high_V:.3g}, such as 15.2")
+        self._reads_supply = before_V is not None
+        return before_V
+
+    def _typed(self, sentence: str) -> str:
+        """What is typed in answer, here: what the answer lets begin arms."""
+        forget_what_was_typed()
+        print_stderr(sentence)
+        self.questions.ask(sentence, arms=True)
+        while (line := entered_line()) is None:
+            time.sleep(TURN_S)
+        self.questions.close()
+        return line
+
+    def _keep_volts(self, before_V: float | None, flown_s: float) -> None:
+        """Keep the supply before and after a flight."""
+        self._volts = None
+        if (mock := self._settings["mock"]) is not None and not self.vehicle.measuring("supply"):
+            from hindrax_sim.conditions.world_table import rest_volts  # noqa: PLC0415  # no simulator on the vehicle
+
+            self._volts = RestVolts(*rest_volts(self.vehicle, mock["world"], mock["seed"], flown_s))
+        elif before_V is not None and flown_s > 0.0 and (after_V := self._supply_V()) is not None:
+            self._volts = RestVolts(before_V, after_V)
+
+    def _at_its_supply(self, gain: AxisGain | None) -> AxisGain | None:
+        """A gain that was weighed with the thrust of the nominal voltage, at that of the last flight."""
+        return gain and gain_at_rest_volts(gain, self.vehicle, self._volts) if self._volts else gain
 
     def thrusters(self, folder: Path, _session: PoolSession) -> tuple[float, str]:
         """Commission the vehicle: a thruster that is fouled, dead or exchanged since spoils every leg.
@@ -242,11 +298,15 @@ class StackStepRunner:
             from hindrax_cli.commands.pool.lockstep_session import weigh_in_lockstep  # noqa: PLC0415  # no simulator on the vehicle
 
             with working(f"weighing {axis} in lock-step, in the world of the legs"):
-                return weigh_in_lockstep(self.vehicle, axis, mock["world"], mock["seed"])
+                gain, seconds, reason = weigh_in_lockstep(self.vehicle, axis, mock["world"], mock["seed"])
+            self._keep_volts(None, seconds)
+            return self._at_its_supply(gain), seconds, reason
         load_N, lever_m = self._settings["load_N"], self._settings["lever_m"] if axis == "yaw" else 1.0
         if self._yes or not load_N or not lever_m:
+            self._volts = None
             return None, 0.0, "left out: wanted a person, --load and for yaw --lever"
         self._confirm_after_abort()
+        before_V = self._supply_V()
         held: list[Hold] = []
 
         def act(_options: PoolOptions, operator: "Operator", progress: Progress) -> Refusal:
@@ -265,19 +325,22 @@ class StackStepRunner:
             print_stderr(TAKE_OFF)
             raise KeyboardInterrupt
         self._await_enter(TAKE_OFF)
+        self._keep_volts(before_V, flight.vehicle_s)
         if flight.aborted or not held:
             return None, flight.vehicle_s, f"aborted by {flight.aborted}"
         sigma = (LOAD_SIGMA**2 + ((LEVER_SIGMA_m / lever_m) ** 2 if axis == "yaw" else 0.0)) ** 0.5
         gain, reason = gain_or_reason(partial(weighed, held, AXES.index(axis), self.vehicle, load_sigma=sigma))
-        return gain, flight.vehicle_s, reason
+        return self._at_its_supply(gain), flight.vehicle_s, reason
 
-    def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
-        """One estimate over all legs, with all gains."""
-        self.identified = self.identify([folder / "bag" for folder in bags], session)
+    def estimate(self, bags: Mapping[Path, RestVolts | None], session: PoolSession) -> Mapping[str, Reached]:
+        """One estimate over all legs, each at its supply, with all gains."""
+        self.identified = self.identify(bags, session)
         return {motion: reached_of(one) for motion, one in self.identified.results.motions.items()}
 
-    def identify(self, bags: Sequence[Path], session: PoolSession) -> Identified:
-        """Identify over bags together."""
-        sources, vehicle = open_sources(bags, TopicSelection()), session.weighed(self.vehicle)
+    def identify(self, bags: Mapping[Path, RestVolts | None], session: PoolSession) -> Identified:
+        """Identify over the bags of these folders together, each at its supply."""
+        found = open_sources([folder / "bag" for folder in bags], TopicSelection())
+        sources = [replace(one, volts=volts) for one, volts in zip(found, bags.values(), strict=True)]
+        vehicle = session.weighed(self.vehicle)
         with working("one estimate over all legs") as reached:
             return identify_sources(sources, vehicle, IdentificationTask(), reached=reached)
