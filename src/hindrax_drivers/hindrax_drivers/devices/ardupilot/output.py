@@ -536,7 +536,8 @@ class ArduSub:
     def _taken(self, beat: Heartbeat, stamp: Stamp) -> str:
         """How a heartbeat shows that it is no more as it was armed from here; empty where it is."""
         if not beat.armed:
-            return f"the autopilot has been disarmed{self._last_words(stamp)}"
+            words = self._last_words(stamp) or ", by another party or a failsafe: see its messages"
+            return f"the autopilot has been disarmed{words}"
         if beat.mode != MANUAL:
             mode = MODES.get(beat.mode, f"mode {beat.mode}")
             return f"another party, or a failsafe, {TAKEN_OVER}: {mode}{self._last_words(stamp)}"
