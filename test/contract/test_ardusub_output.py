@@ -499,8 +499,8 @@ def test_a_refused_arming_is_told_in_the_autopilot_s_words() -> None:
 
 
 def test_a_long_reason_is_told_whole() -> None:
-    """More than the 50 bytes of a message: ArduSub sends it in parts."""
-    why = "Must assign a disarm or arm_toggle button or disarm aux function"
+    """More than the 50 bytes of a message: it comes in parts, but from the arming checks, which cut it themselves."""
+    why = "the safety switch has to be pressed, and then once more for a second"
     bench = Bench()
     bench.board.refuses_arming = why
     bench.run(3.0)
