@@ -671,6 +671,45 @@ def test_a_navigator_without_a_state_says_why(graph_of: Callable[..., Graph], mo
     assert said[-1].message.startswith("no state: it takes samples of an inertial sensor; refused: imu: found mean acc")
 
 
+def turned_report(t: float, mount: Mount) -> Any:
+    """A DVL told a mounting rotation of 180 degrees, as the Water Linked driver does unless its parameters say 0."""
+    made = velocity_report(t, mount)
+    made.velocity.x, made.velocity.y = -made.velocity.x, -made.velocity.y
+    return made
+
+
+def mirrored_pressure(t: float, mount: Mount) -> FluidPressure:
+    """A pressure that falls where it should rise."""
+    made = pressure(t, mount)
+    made.fluid_pressure = 2.0 * (101325.0 + 1000.0 * GRAVITY_mps2 * TRUTH.position(0.0)[2]) - made.fluid_pressure
+    return made
+
+
+@pytest.mark.parametrize(
+    ("topic", "message", "words"),
+    [
+        ("/waterlinked_dvl_driver/velocity_report", turned_report, "velocities contradict the accelerometer: check"),
+        ("/bar30/pressure", mirrored_pressure, "depths contradict the accelerometer: check"),
+    ],
+)
+def test_a_sensor_that_is_turned_is_named_by_the_navigator(
+    topic: str, message: Callable[[float, Mount], Any], words: str, graph_of: Callable[..., Graph]
+) -> None:
+    others = [arguments for sensor, arguments in OTHERS.items() if sensor != "dvl"]
+    line, drivers = " ".join([ROWS[0]["words"], *others]), DRIVERS | {topic: DRIVERS[topic]._replace(message=message)}
+    graph = graph_of(line, ROWS[0]["sensor"], drivers)
+    graph.make()
+    navigator, states, said = node_of(graph, NavigatorNode), list[Stamped[Navigation]](), list[str]()
+
+    def on_state(one: Stamped[Navigation]) -> None:
+        states.append(one)
+        said.extend(navigator._wrong(one.reading))
+
+    navigator.on_state = on_state
+    graph.fly(lambda: graph.time(states[-1].stamp) if states else 0.0)
+    assert any(words in one for one in said), set(said)
+
+
 def test_the_whole_line_of_the_page_starts(graph_of: Callable[..., Graph]) -> None:
     (block,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
     graph = graph_of(" ".join(shlex.split(LINES[0])[7:]), yaml.safe_dump(yaml.safe_load(block)["sensors"]))

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from hindrax_control.navigation.attitude_filter import Offset
+from hindrax_control.navigation.estimator_health import EstimatorHealthKnobs
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_control.sensors import without_velocity
 from hindrax_core import topics
@@ -39,6 +40,7 @@ READ: tuple[Capability, ...] = (
 )
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
 OURS = InputKnobs()
+HEALTH = EstimatorHealthKnobs()
 REPORT_EVERY = 50
 SILENT_S = 5.0
 """Time without a state after which that is reported; alignment takes less unless the vehicle is moved [wall time]."""
@@ -156,6 +158,15 @@ class NavigatorNode(BatchedNode):
         if offset := self._navigator.gyroscope_offset:
             self._memory.write((*offset.rate_radps, offset.sigma_radps))
         values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
-        lost = "" if found.reading.dvl_locked else self._unlocked
-        wrong = [f"{lost}: position is dead reckoned without a velocity"] if lost else []
-        self._reporter.report(found.stamp, wrong, "navigating", values)
+        self._reporter.report(found.stamp, self._wrong(found.reading), "navigating", values)
+
+    def _wrong(self, reading: Navigation) -> list[str]:
+        """Sensors that contradict the accelerometer by the pilot's limits, or the lack of a velocity."""
+        contradicting = {
+            "velocities": (reading.consistency.refused_velocities, HEALTH.refused_velocities),
+            "depths": (reading.consistency.refused_depths, HEALTH.refused),
+        }
+        remedy = "contradict the accelerometer: check rotation_deg of both, and the rotation that the sensor was told"
+        wrong = [f"{found} {what} {remedy}" for what, (found, most) in contradicting.items() if found >= most]
+        lost = "" if reading.dvl_locked else self._unlocked
+        return wrong or ([f"{lost}: position is dead reckoned without a velocity"] if lost else [])
