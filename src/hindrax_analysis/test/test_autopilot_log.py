@@ -414,6 +414,18 @@ def with_parameters(parameters: dict[str, float]) -> bytes:
     return b"".join([*log[: len(FORMATS)], *records, *log[len(FORMATS) :]])
 
 
+def test_a_log_of_parameters_alone_is_one_and_names_what_to_let_the_autopilot_log(tmp_path: Path) -> None:
+    """LOG_BITMASK 0: it was called no log of ArduPilot."""
+    file = tmp_path / "dive.bin"
+    records = [packed("PARM", 1_000_000, name.encode(), value) for name, value in PARAMETERS.items()]
+    file.write_bytes(b"".join([*list(dataflash())[: len(FORMATS)], *records]))
+    assert logged_wiring([file]) is not None
+    with pytest.raises(UsageError, match=r"wanted the velocities or rates .*; let the autopilot log it \(LOG_BITMASK"):
+        read(file)
+    with pytest.raises(UsageError, match="LOG_BITMASK"):
+        read_log(file, None)
+
+
 def test_the_wiring_of_an_ardusub_is_in_its_log(tmp_path: Path) -> None:
     file = tmp_path / "dive.bin"
     file.write_bytes(with_parameters(SWAPPED))

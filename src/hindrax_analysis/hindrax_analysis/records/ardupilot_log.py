@@ -180,7 +180,8 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int, int]:
         except (AttributeError, TypeError, ValueError):
             strange += 1
     left_out, strange = tuple(sorted(others)), strange + damage.left_out
-    return [ArduPilotLog(one.tables(), one.parameters, left_out) for one in starts if one.found], messages, strange
+    kept = [one for one in starts if one.found] or [one for one in starts if one.parameters]
+    return [ArduPilotLog(one.tables(), one.parameters, left_out) for one in kept], messages, strange
 
 
 def _take(path: Path, message: _Message, at_s: float, starts: "list[_Rows]") -> None:

@@ -34,6 +34,11 @@ WANTED: dict[Quantity, str] = {
     "pulses": "pulses (RCOU, SERVO_OUTPUT_RAW or actuator_outputs)",
 }
 MOTION: tuple[Quantity, ...] = ("velocity", "rate")
+MORE = {
+    ".bin": "; let the autopilot log it (LOG_BITMASK of an ArduSub: 180222 by default), and dive again",
+    ".tlog": "; let the ground station ask for it, and dive again, or take the log of the autopilot (.bin)",
+}
+"""What to do about a log that lacks something."""
 OUTPUTS = 16
 # Of two messages of a quantity the first is used: before release 1.10 the gyroscopes' own rates alone were logged.
 PX4_FIELDS: dict[str, tuple[Quantity, tuple[str, ...]]] = {
@@ -114,7 +119,7 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
     if not usable:
         there = ", ".join(sorted({name for tables in starts for name in tables})) or "nothing that is known"
         wanted = next(iter(lacks), WANTED["pulses"])
-        raise UsageError(f"{path}: found {there}, wanted the {wanted}")
+        raise UsageError(f"{path}: found {there}, wanted the {wanted}{MORE.get(path.suffix.lower(), '')}")
     if len(starts) > 1:
         notes.insert(0, f"the autopilot started {len(starts)} times: each is a record")
     return [_recording(path, tables, vehicle, notes) for tables in usable]
@@ -144,8 +149,13 @@ def _require_known(path: Path) -> None:
     """Refuse by name what is no log at all: no vehicle file would help."""
     with path.open("rb") as log:
         known = log.read(len(ULOG_MAGIC)) == ULOG_MAGIC
-    if not known and (path.suffix.lower() == ULOG or not any(one.tables for one in read_starts(path))):
-        raise UsageError(f"{path}: found nothing that is known, wanted a log of ArduPilot or PX4")
+    ending = path.suffix.lower()
+    starts = [] if known or ending == ULOG else read_starts(path)
+    if known or any(one.tables for one in starts):
+        return
+    if any(one.parameters for one in starts):
+        raise UsageError(f"{path}: found parameters alone, wanted motion and pulses{MORE.get(ending, '')}")
+    raise UsageError(f"{path}: found nothing that is known, wanted a log of ArduPilot or PX4")
 
 
 def _lacking(tables: Tables) -> str:
