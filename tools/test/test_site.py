@@ -39,6 +39,10 @@ def test_a_link_to_a_file_leads_to_the_repository_where_there_is_one() -> None:
 
 def test_only_a_page_with_formulas_on_their_own_lines_has_formulas() -> None:
     assert formulas_of("costs $5 or $6") == []
+    broken = "where $a\n+ b$ is, but $5\n\nand $6"
+    assert formulas_of(f"$$c$$\n{broken}") == [("c", True), ("a\n+ b", False)], (
+        "over the end of a line, not of a paragraph"
+    )
     text = "$$a = b$$\n\nwhere $a$ is\n\n```\n$c$\n```\n"
     assert formulas_of(text) == [("a = b", True), ("a", False)]
     assert (

@@ -303,6 +303,21 @@ def test_a_budget_has_two_digits_and_no_row_without_a_number() -> None:
 # ---- pages
 
 
+def test_the_label_of_a_motion_leads_to_it(report: RunReport) -> None:
+    page = run_page(report)
+    assert '<a class="chip good" href="#surge">Surge: identified</a>' in page
+    assert page.count('id="surge"') == 1
+
+
+def test_a_plot_of_methods_says_which_of_its_marks_are_corrected(report: RunReport) -> None:
+    surge = report.results.motions["surge"]
+    said = "Dot and thin line are corrected"
+    fitted = {name: replace(number, corrected=None) for name, number in surge.coefficients.items()}
+    plain = replace(report, results=replace(report.results, motions={"surge": replace(surge, coefficients=fitted)}))
+    assert said in run_page(report)
+    assert said not in run_page(plain)
+
+
 @pytest.mark.skipif(browser_at_hand() is None, reason="needs a browser: chromium or google-chrome on the PATH")
 def test_no_table_is_wider_than_its_page_and_no_number_than_its_box(report: RunReport, tmp_path: Path) -> None:
     cut = replace(a_run("2026-01-31_14-00-00", 66.0), conditions=replace(a_run("", 1.0).conditions, aborted=BOUNDS))

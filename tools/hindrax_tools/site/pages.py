@@ -66,7 +66,7 @@ API: Mapping[str, Sequence[str]] = {
 """Modules of each page of the library."""
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^ *```.*?^ *```$", re.MULTILINE | re.DOTALL)
-FORMULA = re.compile(r"\$\$(.+?)\$\$|(?<![\\$\w`])\$([^$\n`]+)\$(?!\w)", re.DOTALL)
+FORMULA = re.compile(r"\$\$(.+?)\$\$|(?<![\\$\w`])\$((?:[^$\n`]|\n(?!\n))+)\$(?!\w)", re.DOTALL)
 
 
 def outside_fences(text: str, change: Callable[[str], str]) -> str:

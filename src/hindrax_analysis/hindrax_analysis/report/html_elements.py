@@ -35,10 +35,13 @@ def bullets(sentences: Sequence[str]) -> str:
     return f"<ul>{''.join(f'<li>{prose(one)}</li>' for one in sentences)}</ul>"
 
 
-def chips(texts: Sequence[tuple[str, str]]) -> str:
-    """Small labels: text and kind (good, bad, mock or nothing)."""
-    spans = "".join(f'<span class="{f"chip {kind}".strip()}">{escape(text)}</span>' for text, kind in texts)
-    return f'<div class="chips">{spans}</div>'
+def chips(texts: Sequence[tuple[str, ...]]) -> str:
+    """Small labels: text and kind (good, bad, mock or nothing), and the id of the heading that it leads to, if any."""
+    labels = []
+    for text, kind, *target in texts:
+        tag, link = ("a", f' href="#{target[0]}"') if target else ("span", "")
+        labels.append(f'<{tag} class="{f"chip {kind}".strip()}"{link}>{escape(text)}</{tag}>')
+    return f'<div class="chips">{"".join(labels)}</div>'
 
 
 def table(

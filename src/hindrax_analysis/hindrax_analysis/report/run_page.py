@@ -42,7 +42,7 @@ from hindrax_ident.model.motion_model import MOTIONS, axis_units
 SEPARATOR = " \u00b7 "
 PREDICTED = (
     '<p class="soft">RMS errors over windows of the last quarter of the motion, of several runs the last, by a model '
-    "that was fitted to the rest and moves freely with the recorded thrust. Beside it two trivial predictors. "
+    "that was fitted to the rest and moves freely with the recorded thrust, next to two trivial predictors. "
     "<code>./hindrax predict</code> does the same for any other record.</p>"
 )
 
@@ -70,16 +70,15 @@ def run_page(report: RunReport) -> str:
 
 def _header(report: RunReport) -> str:
     conditions, vehicle = report.conditions, report.results.vehicle
-    labels = [("mock vehicle: simulated data", "mock")] if conditions.mock else []
+    labels: list[tuple[str, ...]] = [("mock vehicle: simulated data", "mock")] if conditions.mock else []
     labels += [(f"aborted: {_guard(conditions.aborted)}", "bad")] if conditions.aborted else []
     labels += [(f"left out: {', '.join(one.partition(':')[0] for one in conditions.left_out)}", "bad")] * bool(
         conditions.left_out
     )
     for motion, result in report.results.motions.items():
         good = result.identifiable
-        labels.append(
-            (f"{title_of(motion)}: {'identified' if good else 'not identifiable'}", "good" if good else "bad")
-        )
+        verdict, kind = ("identified", "good") if good else ("not identifiable", "bad")
+        labels.append((f"{title_of(motion)}: {verdict}", kind, motion))
     when = f" \u00b7 {escape(conditions.date.replace('T', ' ')[:16])} UTC" if conditions.date else ""
     return (
         f"<header><h1>Hydrodynamic identification of {escape(vehicle.name)}</h1>"
@@ -234,6 +233,8 @@ def _forests(report: RunReport, result: MotionResult) -> list[str]:
         truth = result.coefficients[name].truth if name in result.coefficients else None
         caption = f"{LABELS[name]} by every method and source: thick 95 % from noise, thin 95 % with calibration"
         caption += ", dashed the truth of the mock." if truth is not None else "."
+        if any(entry.number.corrected is not None for entry in entries):
+            caption += " Dot and thin line are corrected, the thick line is the fit."
         out.append(forest(LABELS[name], units_of(result.motion)[name], entries, caption, truth))
     return out
 
