@@ -153,6 +153,24 @@ def test_steps_of_six_axes_and_coupled_ones_are_those_of_the_plant(
             ), about
 
 
+def test_in_mujoco_a_push_from_outside_moves_the_wet_vehicle_as_a_wrench_does(tmp_path: Path) -> None:
+    model = model_of(named("hindrax"))
+    wrench = array(0.3 * np.array([1.0, 0.5, -0.5, 0.1, 0.1, 0.5]) * holding(model))
+    wanted, vehicle = InMujoco(model, tmp_path), InMujoco(model, tmp_path)
+    inner = vehicle._inner
+    body = inner.model.body("base_link").id
+
+    def pushed(_wrench: Array) -> None:
+        turn = inner.data.xmat[body].reshape(3, 3)
+        inner.data.xfrc_applied[body] = (*turn @ (HALF_TURN * wrench)[:3], *turn @ (HALF_TURN * wrench)[3:])
+        vehicle.step(np.zeros(6))
+
+    found = flown(pushed, lambda: vehicle.velocity, wrench)
+    same = flown(wanted.step, lambda: wanted.velocity, wrench)
+    # The push has the attitude of a step before.
+    assert np.abs(found - same).max(axis=0) / np.array(model.top_speed) == pytest.approx(np.zeros(6), abs=0.01)
+
+
 def slack(model: ExportModel, engine: Callable[[ExportModel, Path], Engine]) -> float:
     """One hundredth, or what the file itself says about a drag that its format cannot hold."""
     two_sided = any(model.hydrodynamics.drag(axis).k_l_negative is not None for axis in AXES)

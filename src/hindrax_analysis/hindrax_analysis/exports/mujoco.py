@@ -144,13 +144,17 @@ class UnderwaterVehicle:
         return np.concatenate((TURN * (turn.T @ v[:3]), TURN * v[3:]))
 
     def step(self, wrench=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)):
-        """One step with a wrench at the center of mass beside the thrusters', in SNAME body axes [N, N m]."""
+        """One step with a wrench at the center of mass, added to the thrusters', in SNAME body axes [N, N m].
+
+        A push by `data.xfrc_applied` (world axes) counts as well; a contact or a constraint moves the dry body alone.
+        """
         model, data, dof = self.model, self.data, self._dof
         mujoco.mj_step1(model, data)
         mujoco.mj_fwdActuation(model, data)
         turn = self._turn()
         dry = (data.qfrc_passive - data.qfrc_bias + data.qfrc_actuator)[dof : dof + 6]
-        dry = np.concatenate((TURN * (turn.T @ dry[:3]), TURN * dry[3:]))
+        push = data.xfrc_applied[self._body]
+        dry = np.concatenate((TURN * (turn.T @ (dry[:3] + push[:3])), TURN * (dry[3:] + turn.T @ push[3:])))
         applied = wrench + self._water(dry + wrench, self.velocity, turn)
         data.qfrc_applied[dof : dof + 3] = turn @ (TURN * applied[:3])
         data.qfrc_applied[dof + 3 : dof + 6] = TURN * applied[3:]
