@@ -67,7 +67,7 @@ def _whole(run: Callable[[], int], remedy: str) -> int:
 
 
 def _open_standard_streams() -> None:
-    """Where the caller has closed input, output or errors (`>&-`), let them lead nowhere.
+    """Let input, output or errors that the caller has closed (`>&-`) lead nowhere, and the others take any letter.
 
     What is opened next gets the number of a closed one: a sentence of this process or of a child would go to a device.
     """
@@ -78,6 +78,9 @@ def _open_standard_streams() -> None:
             nowhere = os.open(os.devnull, os.O_RDWR)
             os.set_inheritable(nowhere, True)
             setattr(sys, name, os.fdopen(nowhere, "r" if number == 0 else "w", closefd=False))
+    for stream in (sys.stdout, sys.stderr):
+        # An arrow, or the umlaut of a path, in a terminal or pipe of another encoding, as of Windows: a question mark.
+        stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # an io.TextIOWrapper
 
 
 def _use_one_thread_for_algebra() -> None:

@@ -284,6 +284,14 @@ def test_a_caller_that_has_closed_a_standard_stream_gets_the_exit_code(closed: s
     assert (done.returncode, done.stderr) == (code, "")
 
 
+def test_an_output_of_another_encoding_takes_any_letter() -> None:
+    tool = [sys.executable, "-m", "hindrax_cli", "vehicle", "show", "hindrax"]
+    others = {**os.environ, "PYTHONIOENCODING": "cp1252"}
+    done = subprocess.run(tool, capture_output=True, env=others, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"largest alone: surge" in done.stdout
+
+
 def test_from_a_folder_that_is_gone_a_command_is_refused_and_a_stop_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
