@@ -78,7 +78,7 @@ def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = 
         raise UsageError(f"{path} is occupied; name an empty or new folder with --out")
     whole = path.resolve()
     folder = RunFolder(whole, [one for one in whole.parents if not one.exists()])
-    with writing(path, "name another folder with --out", UsageError), nothing_left(folder.vehicle):
+    with writing(path, "name another folder with --out"), nothing_left(folder.vehicle):
         path.mkdir(parents=True, exist_ok=True)
         free = shutil.disk_usage(path).free
         if free < wanted_bytes:

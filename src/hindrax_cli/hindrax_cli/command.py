@@ -1,6 +1,7 @@
 """The commands of the tool: their modules, and the declaration of a command.
 
 Exit codes: 0 done, 1 the work failed (HindraxError), 2 wrong use (UsageError), 130 ended by Ctrl-C.
+A file that cannot be read as what it should be, or a place where nobody can write, is wrong use; a full disk is not.
 """
 
 from __future__ import annotations

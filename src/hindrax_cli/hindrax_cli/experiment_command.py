@@ -126,6 +126,6 @@ def save_plot(path: Path | None, draw: Callable[..., Figure], *data: object) -> 
     if path is None:
         return
     figure = draw(*data)
-    with writing(f"--plot {path}", "name another place", UsageError), nothing_left(path):
+    with writing(f"--plot {path}", "name another place"), nothing_left(path):
         figure.savefig(path)
     print_stderr(f"plot: {path}")

@@ -46,7 +46,7 @@ def test_what_is_not_there_is_named(
 
 def test_a_page_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runs = [run_folder(tmp_path / "a", 66.0), run_folder(tmp_path / "b", 67.0)]
-    assert main(["report", *runs, "--out", str(tmp_path / "none" / "page.html")]) == 1
+    assert main(["report", *runs, "--out", str(tmp_path / "none" / "page.html")]) == 2
     printed = capsys.readouterr().err.strip()
     assert "cannot be written" in printed
     assert "\n" not in printed
@@ -57,8 +57,8 @@ def test_one_run_is_not_identified_again_for_a_page_that_cannot_be_written(
 ) -> None:
     (tmp_path / "run" / "bag").mkdir(parents=True)
     monkeypatch.setattr(command, "identify_bag", lambda *_, **__: pytest.fail("it was identified first"))
-    assert main(["report", str(tmp_path / "run"), "--out", str(tmp_path / "none" / "page.html")]) == 1
+    assert main(["report", str(tmp_path / "run"), "--out", str(tmp_path / "none" / "page.html")]) == 2
     (tmp_path / "run" / "report.html").mkdir()
-    assert main(["report", str(tmp_path / "run")]) == 1
+    assert main(["report", str(tmp_path / "run")]) == 2
     printed = capsys.readouterr().err.splitlines()
     assert ["cannot be written (No such" in printed[0], "cannot be written (Is a dir" in printed[1]] == [True, True]

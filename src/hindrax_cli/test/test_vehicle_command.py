@@ -202,7 +202,7 @@ def test_nobody_answers_ten_questions_for_a_file_that_cannot_be_written(
 ) -> None:
     monkeypatch.setattr(vehicle, "ask", lambda *_: pytest.fail("it asked first"))
     (tmp_path / "file").write_text("")
-    assert main(["vehicle", "new", "myrov", "--out", str(tmp_path / "file" / "deeper" / "myrov.yaml")]) == 1
+    assert main(["vehicle", "new", "myrov", "--out", str(tmp_path / "file" / "deeper" / "myrov.yaml")]) == 2
     assert "cannot be written (Not a directory)" in capsys.readouterr().err
 
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from hindrax_core.errors import HindraxError
-from hindrax_core.text.text_file import nothing_left, replace_text, require_place
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.text_file import nothing_left, replace_text, require_place, writing
 
 
 @contextlib.contextmanager
@@ -94,6 +94,23 @@ def test_a_place_is_tried_without_a_trace(tmp_path: Path) -> None:
 def test_a_place_that_takes_no_file_is_reported(tmp_path: Path, name: str, why: str) -> None:
     with pytest.raises(HindraxError, match=rf"{name}: cannot be written \({why}\); make room or name another place"):
         require_place(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("number", "kind"),
+    [
+        (errno.EACCES, UsageError),
+        (errno.EROFS, UsageError),
+        (errno.ENOTDIR, UsageError),
+        (errno.ENOSPC, HindraxError),
+        (errno.EIO, HindraxError),
+        (errno.EFBIG, HindraxError),
+    ],
+)
+def test_a_wrong_place_is_wrong_use_and_a_full_or_broken_disk_is_not(number: int, kind: type[HindraxError]) -> None:
+    with pytest.raises(HindraxError) as raised, writing("a.html"):
+        raise OSError(number, "why")
+    assert type(raised.value) is kind
 
 
 def test_a_full_disk_is_reported_beforehand_and_one_that_shows_no_size_is_not(

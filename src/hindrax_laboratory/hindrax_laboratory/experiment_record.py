@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_analysis.records.csv.columns import check_width, rows_of
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_ident.arrays import Array
 
 MOST_JITTER = 0.01
@@ -52,17 +52,17 @@ def read_columns(text: str, columns: Sequence[Column], source: str) -> dict[str,
 
     Raises
     ------
-    HindraxError
+    UsageError
         Names the source, the line, the column, what was found and what was wanted.
     """
     rows = rows_of(text, source)
     if not rows:
         wanted = ", ".join(column.name for column in columns)
-        raise HindraxError(f"{source}: the file is empty, wanted a header line with {wanted}")
+        raise UsageError(f"{source}: the file is empty, wanted a header line with {wanted}")
     header = rows[0][1]
     present = [column.name for column in columns if _has(header, column, source)]
     if present and not rows[1:]:
-        raise HindraxError(f"{source}: found a header line and no data below it, wanted at least one line of numbers")
+        raise UsageError(f"{source}: found a header line and no data below it, wanted at least one line of numbers")
     values: dict[str, list[float]] = {name: [] for name in present}
     for line, cells in rows[1:]:
         check_width(cells, header, f"{source}, line {line}")
@@ -73,11 +73,11 @@ def read_columns(text: str, columns: Sequence[Column], source: str) -> dict[str,
 
 def _has(header: list[str], column: Column, source: str) -> bool:
     if header.count(column.name) > 1:
-        raise HindraxError(f"{source}: column {column.name} occurs {header.count(column.name)} times, wanted once")
+        raise UsageError(f"{source}: column {column.name} occurs {header.count(column.name)} times, wanted once")
     if column.name in header:
         return True
     if column.required:
-        raise HindraxError(
+        raise UsageError(
             f"{source}: no column {column.name} ({column.meaning}); found {', '.join(header)}; "
             "rename it in the header line"
         )
@@ -86,15 +86,15 @@ def _has(header: list[str], column: Column, source: str) -> bool:
 
 def _number(cells: list[str], index: int, where: str) -> float:
     if index >= len(cells):
-        raise HindraxError(f"{where}: the line has only {len(cells)} cells, wanted a number in cell {index + 1}")
+        raise UsageError(f"{where}: the line has only {len(cells)} cells, wanted a number in cell {index + 1}")
     try:
         number = float(cells[index])
     except ValueError:
-        raise HindraxError(f"{where}: found {cells[index]!r}, wanted a number with a decimal point") from None
+        raise UsageError(f"{where}: found {cells[index]!r}, wanted a number with a decimal point") from None
     if not np.isfinite(number):
-        raise HindraxError(f"{where}: found {cells[index]!r}, wanted a finite number; remove the line")
+        raise UsageError(f"{where}: found {cells[index]!r}, wanted a finite number; remove the line")
     if abs(number) > LARGEST_QUANTITY:
-        raise HindraxError(f"{where}: found {cells[index]!r}, wanted a measurement; check the unit, or remove the line")
+        raise UsageError(f"{where}: found {cells[index]!r}, wanted a measurement; check the unit, or remove the line")
     return number
 
 

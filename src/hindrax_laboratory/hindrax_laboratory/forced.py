@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.digits import Value
 from hindrax_ident.arrays import Array
 from hindrax_laboratory.experiment_record import Column, evenly
@@ -166,14 +166,14 @@ def run_from_columns(columns: Mapping[str, Array], motion: ForcedMotion, source:
 
     Raises
     ------
-    HindraxError
+    UsageError
         Names a missing column.
     """
     moved = "angle_rad" if motion.angular else "displacement_m"
     present = [name for name in motion.loads if name in columns]
     for wanted in (moved, motion.own):
         if wanted not in columns:
-            raise HindraxError(f"{source}: no column {wanted}, which {motion.name} needs; found {', '.join(columns)}")
+            raise UsageError(f"{source}: no column {wanted}, which {motion.name} needs; found {', '.join(columns)}")
     rate, signals = evenly(columns["time_s"], [columns[moved], *(columns[name] for name in present)], source)
     return OscillationRun(motion, rate, signals[0], dict(zip(present, signals[1:], strict=True)))
 

@@ -74,21 +74,19 @@ def sheets_of(path: Path, supply_V: float | None = None) -> list[Sheet]:
     Raises
     ------
     UsageError
-        When the file cannot be read.
-    HindraxError
-        When it holds no thrust over pulses, or two sweeps at one voltage.
+        When the file cannot be read, holds no thrust over pulses, or two sweeps at one voltage.
     """
     tables = _workbook(path) if is_workbook(path) else [("", _csv(path))]
     found = [
         sheet for name, rows in tables for sheet in _sheets(name, rows, f"{path}{name and ', sheet '}{name}", supply_V)
     ]
     if not found:
-        raise HindraxError(f"{path}: found no sheet with PWM [us] and Force or Thrust with a unit (kgf, lbf, g, N)")
+        raise UsageError(f"{path}: found no sheet with PWM [us] and Force or Thrust with a unit (kgf, lbf, g, N)")
     found.sort(key=lambda sheet: sheet.supply_V)
     for one, other in pairwise(found):
         if other.supply_V - one.supply_V < STEP_V:
             volts = f"{one.supply_V:.4g} and {other.supply_V:.4g} V"
-            raise HindraxError(f"{path}: found two sweeps, at {volts}, wanted one for each voltage")
+            raise UsageError(f"{path}: found two sweeps, at {volts}, wanted one for each voltage")
     return found
 
 
@@ -135,13 +133,13 @@ def _sweeps(
     numbers = [_numbers(row, places) for row in rows]
     kept = array(np.array([line for line in numbers if not np.isnan(line[:2]).any()]).reshape(-1, 3))
     if force is None or not len(kept):
-        raise HindraxError(f"{where}: found a header line and no numbers below it")
+        raise UsageError(f"{where}: found a header line and no numbers below it")
     named = re.search(r"(\d+(?:\.\d+)?)\s*V\b", name)
     volts = kept[:, 2]
     if np.isnan(volts).any():
         given = supply_V or (float(named[1]) if named else None)
         if given is None:
-            raise HindraxError(f"{where}: found no voltage; give it with --supply V")
+            raise UsageError(f"{where}: found no voltage; give it with --supply V")
         volts = np.full(len(kept), given)
     order = np.argsort(volts, kind="stable")
     for part in np.split(order, np.flatnonzero(np.diff(volts[order]) > STEP_V) + 1):

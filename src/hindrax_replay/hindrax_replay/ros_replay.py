@@ -22,7 +22,7 @@ from hindrax_bringup.node_options import wire_parameters
 from hindrax_bringup.processes import CONTROL, IDENTIFIER, PILOT_STATUS_ASIDE, RECORDER, REPLAY, SENSORS
 from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.text_file import nothing_left, require_place, writing
 from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, resolved
@@ -86,7 +86,7 @@ def _folder(out: Path | None) -> Iterator[RunFolder]:
         return
     folder = RunFolder(out.resolve())
     with nothing_left(folder.path):
-        with writing(out, "name another folder with --out", UsageError):
+        with writing(out, "name another folder with --out"):
             out.mkdir(parents=True, exist_ok=True)
         require_place(folder.vehicle)
         yield folder

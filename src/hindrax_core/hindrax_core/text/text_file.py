@@ -12,6 +12,8 @@ from hindrax_core.errors import HindraxError, UsageError, cause
 
 NOTHING_BESIDE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EBUSY)
 """Of a folder that accepts no new file, or of a file that is a mount point."""
+FAULT_OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""With these the place is right and the work failed; any other error means that a wrong place was named."""
 LEAST_ROOM_bytes = 1_000_000
 """More than any report, table or plot; the room that a place must have."""
 
@@ -57,15 +59,13 @@ def require_place(file: Path, option: str = "") -> None:
 
     Raises
     ------
-    UsageError
-        Where it cannot be written and an option named it; the OSError of the system is its cause.
-    HindraxError
-        The same without an option.
+    UsageError, HindraxError
+        Where it cannot be written, as of `writing`; the OSError of the system is its cause.
     """
     fresh = not file.exists()
     if not fresh and not (file.is_file() or file.is_dir()):
         return
-    with writing(f"{option}{file}", kind=UsageError if option else HindraxError), nothing_left(file):
+    with writing(f"{option}{file}"), nothing_left(file):
         file.open("ab").close()
         disk = shutil.disk_usage(file.parent)
         if disk.total and disk.free < LEAST_ROOM_bytes:
@@ -88,9 +88,7 @@ def nothing_left(place: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def writing(
-    place: Path | str, remedy: str = "make room or name another place", kind: type[HindraxError] = HindraxError
-) -> Iterator[None]:
+def writing(place: Path | str, remedy: str = "make room or name another place") -> Iterator[None]:
     """Turn what goes wrong while a block writes into one sentence.
 
     Parameters
@@ -99,8 +97,6 @@ def writing(
         What is written, for the error.
     remedy
         What the user can do.
-    kind
-        Class of the error.
 
     Yields
     ------
@@ -108,10 +104,13 @@ def writing(
 
     Raises
     ------
+    UsageError
+        For an OSError of the block, of a place that is not there, or where nobody may write.
     HindraxError
-        Of this kind, for an OSError of the block.
+        For a disk that is full or fails.
     """
     try:
         yield
     except OSError as error:
+        kind = HindraxError if error.errno in FAULT_OF_THE_DISK else UsageError
         raise kind(f"{place}: cannot be written ({cause(error)}); {remedy}") from error

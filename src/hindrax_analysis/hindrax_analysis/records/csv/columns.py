@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from itertools import product
 from typing import NamedTuple
 
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import UsageError
 
 COLUMNS: dict[str, str] = {
     "t": "time [s], from any origin",
@@ -206,13 +206,13 @@ _ENDINGS = {
 
 
 def meaning_of(header: str) -> Meaning | None:
-    """Meaning of a column by its header; None for an unused one. HindraxError for an unknown unit of a usual name."""
+    """Meaning of a column by its header; None for an unused one. UsageError for an unknown unit of a usual name."""
     found = _meaning(header.strip(), _name, unit_words=1)
     if found:
         return found
     try:
         looser = _meaning(_apart(header.strip()), _looser_name, unit_words=2)
-    except HindraxError:
+    except UsageError:
         return None
     return looser and looser._replace(gives_way=True)
 
@@ -289,13 +289,13 @@ def factor_of(name: str, unit: str, where: str) -> float:
 
     Raises
     ------
-    HindraxError
+    UsageError
         For a unit that the column cannot have.
     """
     factor = UNITS[name].get(plain_unit(unit))
     if factor is None:
         known = ", ".join(UNITS[name])
-        raise HindraxError(f"column {where}: found the unit {unit!r}, wanted one of {known}; change the header line")
+        raise UsageError(f"column {where}: found the unit {unit!r}, wanted one of {known}; change the header line")
     return factor
 
 
@@ -380,7 +380,7 @@ def _time_by_unit(cell: str) -> str:
 def _is_time(cell: str) -> bool:
     try:
         found = meaning_of(cell)
-    except HindraxError:
+    except UsageError:
         return False
     return bool(found and found.name == "t")
 
@@ -437,7 +437,7 @@ def rows_of(text: str, source: str, is_header: Callable[[str], bool] = bool) -> 
 
     Raises
     ------
-    HindraxError
+    UsageError
         For what is no text of lines and cells.
     """
     numbered = [(n, line.lstrip("\ufeff")) for n, line in enumerate(text.splitlines(), start=1)]
@@ -451,9 +451,9 @@ def rows_of(text: str, source: str, is_header: Callable[[str], bool] = bool) -> 
     try:
         cells = cells_of([line for _, line in lines])
     except csv.Error as error:
-        raise HindraxError(f"{source}: is not CSV ({error})") from error
+        raise UsageError(f"{source}: is not CSV ({error})") from error
     if len(cells) != len(lines):
-        raise HindraxError(f"{source}: a quotation mark is not closed, wanted one row per line")
+        raise UsageError(f"{source}: a quotation mark is not closed, wanted one row per line")
     return [(n, row) for (n, _), row in zip(lines, cells, strict=True)]
 
 
@@ -479,11 +479,11 @@ def check_width(cells: Sequence[str], header: Sequence[str], where: str) -> None
 
     Raises
     ------
-    HindraxError
+    UsageError
         With both numbers.
     """
     if any(cells[len(header) :]):
-        raise HindraxError(
+        raise UsageError(
             f"{where}: found {len(cells)} cells, wanted {len(header)} as in the header line; write decimals with a "
             "point, or separate the cells with semicolons"
         )

@@ -62,7 +62,7 @@ from hindrax_analysis.records.recording import (
     wrenches_of_forces,
 )
 from hindrax_analysis.records.thruster_values import FORCES as THRUSTER_FORCES
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import UsageError
 from hindrax_core.signals import NAN, Supply
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -99,7 +99,7 @@ def read_records(
     Parameters
     ----------
     text, source
-        Of the file, and its name. HindraxError names line and column, what was found and what was wanted.
+        Of the file, and its name. UsageError names line and column, what was found and what was wanted.
     frame
         Body axes of all columns, flu or fsd; empty: fsd, or flu where depth and velocity say so.
     part
@@ -238,7 +238,7 @@ def _spread(columns: dict[str, Array], source: str) -> dict[str, Array]:
     if few or whole.mean() < SHARE_OF_ROWS or moves.mean() < SHARE_OF_ROWS:
         return columns
     if len(ticks) < 3:
-        raise HindraxError(
+        raise UsageError(
             f"{source}: {len(t)} lines have only {len(ticks)} different times, {ticks[-1] - ticks[0]:g} s apart: their "
             "digits are lost; write the times with more of them"
         )
@@ -265,12 +265,12 @@ def _rows(text: str, source: str) -> tuple[list[str], list[Row]]:
     """Cells of the header line, and line number and cells of each line below it."""
     count = text.count("\n")
     if count > MOST_LINES:
-        raise HindraxError(
+        raise UsageError(
             f"{source}: found {count} lines, wanted at most {MOST_LINES}; keep the maneuvers only, or every nth line"
         )
     rows = rows_of(text, source, _is_header)
     if len(rows) < 2:
-        raise HindraxError(
+        raise UsageError(
             f"{source}: found {len(rows)} line{'' if len(rows) == 1 else 's'}, "
             "wanted a header line with column names and data below it"
         )
@@ -283,7 +283,7 @@ def _is_header(line: str) -> bool:
     """Whether a line names the time and another known column."""
     try:
         found = {known.name for cell in from_one(cells_of([line])[0]) if (known := meaning_of(cell))}
-    except (HindraxError, csv.Error, IndexError):
+    except (UsageError, csv.Error, IndexError):
         return False
     return "t" in found and len(found) > 1
 
@@ -291,12 +291,12 @@ def _is_header(line: str) -> bool:
 def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, Meaning], dict[int, OutputColumn]]:
     """Meaning of each used column, and of those of single thrusters where none is a force, by index.
 
-    HindraxError when too few, or two mean the same.
+    UsageError when too few, or two mean the same.
     """
     try:
         found = {i: known for i, cell in enumerate(from_one(header)) if (known := meaning_of(cell))}
-    except HindraxError as error:
-        raise HindraxError(f"{source}, {error}") from None
+    except UsageError as error:
+        raise UsageError(f"{source}, {error}") from None
     usual = {known.name for known in found.values() if not known.gives_way}
     found = {i: known for i, known in found.items() if not (known.gives_way and known.name in usual)}
     # An x and a y without a word may be anything; one beside velocities tells no more than whose axes these have.
@@ -310,7 +310,7 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
     names = [known.name for known in found.values()]
     twice = [header[i] for i, known in found.items() if names.count(known.name) > 1]
     if twice:
-        raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
+        raise UsageError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
     outputs = {} if set(FORCES) & set(names) else output_columns(header)
     forces = FORCES if outputs else names
     turned = ("roll", "pitch", *(("yaw",) if "vn" not in names else ()))
@@ -320,7 +320,7 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
     others |= {"w": ({"depth"}, OF_WORLD | {"vd"}), "u": (PLACE, OF_WORLD), "v": (PLACE, OF_WORLD)}
     usable = [force for speed, force in pairs if any(shown <= shown_by for shown in ({speed}, *others.get(speed, ())))]
     if "t" not in names or not (usable or (part and (outputs or len(names) > 1))):
-        raise HindraxError(
+        raise UsageError(
             f"{source}: found the columns {_listed(header)}; wanted t and at least one pair of velocity and force "
             "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N), with the unit where it is not "
             f"SI, such as u_cmps; rename them in the header line{_hint(set(names), header)}"
@@ -369,7 +369,7 @@ def _is_known(cell: str) -> bool:
     """Whether a header is that of a known column, be it with a unit that is none of it."""
     try:
         return bool(meaning_of(cell))
-    except HindraxError:
+    except UsageError:
         return True
 
 
@@ -401,7 +401,7 @@ def _values(rows: list[Row], index: int, name: str, column: str, source: str) ->
             out.append(read(text))
         except ValueError:
             wanted = WANTED_TIME if name == "t" else "a number with a decimal point, or nothing"
-            raise HindraxError(f"{source}, line {line}, {column}: found {_shown(text)}, wanted {wanted}") from None
+            raise UsageError(f"{source}, line {line}, {column}: found {_shown(text)}, wanted {wanted}") from None
     return np.array(out)
 
 
@@ -419,9 +419,9 @@ def _shown(text: str) -> str:
 def _check_times(time: Array, rows: list[Row], source: str) -> None:
     if not np.all(np.isfinite(time)):
         line = rows[int(np.argmin(np.isfinite(time)))][0]
-        raise HindraxError(f"{source}, line {line}: no time, wanted a number in every line; remove the line")
+        raise UsageError(f"{source}, line {line}: no time, wanted a number in every line; remove the line")
     if len(time) > 1 and np.ptp(time) == 0.0:
-        raise HindraxError(f"{source}: all times are the same ({time[0]:g}), wanted increasing times")
+        raise UsageError(f"{source}: all times are the same ({time[0]:g}), wanted increasing times")
 
 
 def _recording(source: str, columns: dict[str, Array]) -> Recording:

@@ -61,7 +61,7 @@ def new(arguments: argparse.Namespace) -> int:
     answers = out.with_suffix(ANSWERS_SUFFIX)
     text = _text_from(name, arguments.source) if arguments.source else file_text(name, _answers(answers))
     vehicle = vehicle_from_text(text, str(out))
-    with writing(out, "name another place with --out", UsageError):
+    with writing(out, "name another place with --out"):
         out.parent.mkdir(parents=True, exist_ok=True)
         replace_text(out, text)
         answers.unlink(missing_ok=True)
@@ -76,7 +76,7 @@ def _answers(file: Path) -> Answers:
     """The ten answers; each is kept in a file until the vehicle file is written, and is offered at the next start."""
 
     def keep(typed: Answers) -> None:
-        with writing(file, "name another place with --out", UsageError):
+        with writing(file, "name another place with --out"):
             file.parent.mkdir(parents=True, exist_ok=True)
             replace_text(file, json.dumps(typed))
 

@@ -162,7 +162,7 @@ def print_or_write(text: str, out: Path | None) -> int:
     if out is None:
         print_whole(text, end="")
         return 0
-    with writing(f"--out {out}", "name another place", UsageError):
+    with writing(f"--out {out}", "name another place"):
         replace_text(out, text)
     print_stderr(f"written: {out}")
     return 0
@@ -178,7 +178,7 @@ def _wants_folder(to: str, out: Path | None) -> bool:
 def _fill_folder(arguments: argparse.Namespace) -> int:
     folder = arguments.out
     files = FOLDERS[arguments.to](_model_named(arguments.coefficients, arguments.to, arguments.vehicle))
-    with writing(f"--out {folder}", "name another place", UsageError):
+    with writing(f"--out {folder}", "name another place"):
         _write_files(folder, files)
     print_stderr(f"written: {folder} ({', '.join(files)})")
     return 0
@@ -194,7 +194,7 @@ def _fill_samples(arguments: argparse.Namespace) -> int:
     file = results_file(arguments.coefficients, to)
     saved = read_coefficients(file)
     table = samples.sample_table(saved, count, seed=arguments.seed)
-    with writing(f"--out {out}", "name another place", UsageError):
+    with writing(f"--out {out}", "name another place"):
         _write_files(out, {"samples.csv": table})
         for index, model in enumerate(_drawn(saved, file, arguments) if to != "csv" else (), start=1):
             files = FOLDERS[to](model) if to in FOLDERS else {f"model{SUFFIXES[to]}": FORMATS[to](model)}
