@@ -51,6 +51,31 @@ def test_a_force_that_changes_at_the_time_of_the_last_velocity_is_not_spread() -
     assert COARSE_CLOCK not in read_one("\n".join(["t,u,X", *lines])).assumptions
 
 
+def test_a_table_of_bag_extract_has_the_time_in_front_of_its_fields() -> None:
+    """A stamp, or a time of the autopilot, among the fields of the message meant the same, and was refused."""
+    begin_ns = 1_700_000_000_000_000_000
+    lines = ["time_s,stamp_ns,timestamp,header.stamp.sec,header.stamp.nanosec,body_velocity.x,wrench.force.x"]
+    for at, u, x in zip(T, SPEEDS, FORCES, strict=True):
+        stamp_ns = begin_ns + round(1e9 * at)
+        boot_us = 5_000_000 + round(1.1e6 * at)
+        lines.append(f"{at + 0.7:.3f},{stamp_ns},{boot_us},{stamp_ns // 10**9},{stamp_ns % 10**9},{u:.6f},{x:.6f}")
+    found = read_one("\n".join(lines))
+    assert found.origin_s + found.velocity_t[0] == pytest.approx(1e-9 * begin_ns + T[0])
+    assert np.diff(found.velocity_t) == pytest.approx(0.1, abs=1e-6)
+
+
+def test_velocities_in_an_array_ask_for_their_frame() -> None:
+    fields = [
+        f"{name}[{n}]" for name, count in (("q", 4), ("velocity", 3), ("angular_velocity", 3)) for n in range(count)
+    ]
+    text = "\n".join([f"t,{','.join(fields)},X", *(f"{at},{','.join('0' * 11)}" for at in range(9))])
+    with pytest.raises(
+        HindraxError,
+        match=r"; velocity\[0\], velocity\[1\], velocity\[2\] are velocities without a frame: call them u, v and w",
+    ):
+        read_records(text, "x.csv")
+
+
 def test_times_whose_digits_are_lost_are_refused() -> None:
     """As 32-bit numbers, seconds since 1970 are 128 s apart: "the drag is -0.969 N, wanted above 0"."""
     short = np.asarray(1.7e9 + 40.0 + T, dtype=np.float32)

@@ -109,6 +109,10 @@ OTHERWISE = {
     "and vd (north, east, down), with roll, pitch and yaw, or turn them into u, v, w of the body",
     re.compile(r"(q|quat|quaternion|orientation)_?[0-3]"): "a quaternion without names of its parts: call them qw, qx, "
     "qy and qz",
+    re.compile(
+        r"(?!ang)(.*_)?(vel|velocity)_?[0-2]"
+    ): "velocities without a frame: call them u, v and w along the body's axes "
+    "(PX4: velocity_frame 3), or vn, ve and vd along north, east and down (1)",
 }
 """Names of what is recorded in other axes, or in another way, than it is read, and what to do."""
 UNKNOWN = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}

@@ -27,6 +27,7 @@ from hindrax_analysis.records.csv.axes import (
     with_velocities_of_world,
 )
 from hindrax_analysis.records.csv.columns import (
+    NANOSECONDS,
     QUATERNION,
     Meaning,
     Row,
@@ -62,6 +63,7 @@ from hindrax_analysis.records.recording import (
     wrenches_of_forces,
 )
 from hindrax_analysis.records.thruster_values import FORCES as THRUSTER_FORCES
+from hindrax_bag.read.message_columns import TIME
 from hindrax_core.errors import UsageError
 from hindrax_core.signals import NAN, Supply
 from hindrax_core.vehicle import Vehicle
@@ -297,6 +299,8 @@ def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, 
         found = {i: known for i, cell in enumerate(from_one(header)) if (known := meaning_of(cell))}
     except UsageError as error:
         raise UsageError(f"{source}, {error}") from None
+    if tuple(header[:2]) == TIME:  # a table of `bag extract`, which names the time of a message in front of its fields
+        found = {i: known for i, known in found.items() if i == 1 or known.name not in ("t", NANOSECONDS)}
     usual = {known.name for known in found.values() if not known.gives_way}
     found = {i: known for i, known in found.items() if not (known.gives_way and known.name in usual)}
     # An x and a y without a word may be anything; one beside velocities tells no more than whose axes these have.
@@ -335,6 +339,7 @@ def _hint(names: set[str], header: list[str]) -> str:
         return f"{no_time}; speeds and forces without times are for `./hindrax towing`"
     if {"vn", "ve"} <= names and "yaw" not in names:
         return "; vn and ve are turned into u and v by a column yaw, and with vd, roll and pitch into w: add them"
+    header = from_one(header)
     misses = otherwise_recorded(header)
     misses += [miss for cell in header if not meaning_of(cell) and (miss := near_miss(cell))]
     if misses:
