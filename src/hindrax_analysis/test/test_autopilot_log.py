@@ -295,6 +295,14 @@ def test_a_log_of_an_older_px4_has_the_rates_of_its_gyroscopes(modern: bool, tmp
     assert len(rates) >= STEPS - 1
 
 
+def test_a_log_of_px4_without_pulses_is_refused_with_what_can_be_done(tmp_path: Path) -> None:
+    """As where it logs `actuator_motors` alone."""
+    file = tmp_path / "x.ulg"
+    file.write_bytes(b"".join(ulog([row for row in px4() if row[0] != "actuator_outputs"])))
+    with pytest.raises(UsageError, match=r"wanted the pulses .*actuator_motors, shares of full throttle"):
+        read(file)
+
+
 def test_damage_of_a_log_of_px4_is_named(tmp_path: Path) -> None:
     content, file = b"".join(ulog(px4())), tmp_path / "x.ulg"
     half = len(content) // 2
