@@ -90,6 +90,7 @@ NEITHER = (
         (["montecarlo", "--workers", "0"], "--workers: found 0, wanted 1 or more"),
         (["pool-test", "--until", "5"], "--until: found 5, wanted more than 0, at most 1 or 100%; "),
         (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere: cannot be written"),
+        (["reference", "--example-data", "--out", "/proc/nowhere"], "--out /proc/nowhere: cannot be written"),
         (["bag", "inof"], "invalid choice: 'inof' (did you mean info?)"),
         (
             ["pool-test", "--mock", "--world", "pol"],

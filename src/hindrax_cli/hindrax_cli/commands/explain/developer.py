@@ -17,6 +17,7 @@ from hindrax_cli import command_page
 from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
+from hindrax_core.text.text_file import writing
 
 PYTEST = [sys.executable, "-m", "pytest"]
 WORKERS = len(os.sched_getaffinity(0)) + 2
@@ -168,6 +169,8 @@ def _required(arguments: argparse.Namespace) -> Path:
     if arguments.out is None:
         raise UsageError("reference: found no --out, wanted the folder to write to")
     out: Path = arguments.out
+    with writing(f"--out {out}", "name another place"):
+        out.mkdir(parents=True, exist_ok=True)
     return out
 
 
