@@ -37,8 +37,8 @@ MOTION: tuple[Quantity, ...] = ("velocity", "rate")
 MORE = {
     ".bin": "; let the autopilot log it (LOG_BITMASK of an ArduSub: 180222 by default), and dive again",
     ".tlog": "; let the ground station ask for it, and dive again, or take the log of the autopilot (.bin)",
-    ULOG: "; let the autopilot log it, and dive again, or write a CSV, where a column for each thruster may have newtons "
-    "(thruster1_N) or, as actuator_motors, shares of full throttle (thruster1_ratio)",
+    ULOG: "; let the autopilot log it, and dive again, or write a CSV, where a column for each thruster may have "
+    "newtons (thruster1_N) or, as actuator_motors, shares of full throttle (thruster1_ratio)",
 }
 """What to do about a log that lacks something."""
 OUTPUTS = 16
