@@ -22,6 +22,7 @@ __all__ = ["ros_domain"]
 """A fixture of all tests."""
 
 load_profile()
+gc.disable()  # of a collection of the tests a fifth is looking for garbage, among what is imported to stay
 
 # The graph of a shell does not decide: what it has set for other robots is not there when the client library is loaded.
 # Nor does its way of writing: without buffers, what a buffer leaves behind at the end of a process was never seen.
@@ -63,6 +64,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Show the files of a parallel run as they are done."""
     if hasattr(config, "workerinput"):
         config.pluginmanager.register(HangGuard(), "hang-guard")
+    if config.getoption("numprocesses"):
+        gc.enable()  # who gives out the tests collects none
     if config.getoption("numprocesses") and config.option.verbose < 0:
         config.pluginmanager.register(FileProgress(config), "file-progress")
 
@@ -84,6 +87,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_collection_finish() -> None:
     """Keep what was collected out of garbage collection: half a million objects, looked at again and again (0.3 s)."""
     gc.freeze()
+    gc.enable()
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Scheduling | None:
