@@ -369,6 +369,14 @@ def test_an_orientation_that_is_none_is_no_attitude(tmp_path: Path, angles: Arra
     assert (note in found.assumptions) == said
 
 
+def test_a_pose_that_nobody_has_filled_in_is_no_attitude(tmp_path: Path) -> None:
+    """The Odometry of a Doppler log has the pose of an empty message: roll and pitch stayed zero beside a sensor."""
+    sensor = (INERTIAL, "/imu", imu_rows(IMU_S, ROLL_radps, ROLL_rad))
+    bag = as_bag(tmp_path / "a.mcap", (ODOMETRY[0], "/dvl/odometry", "dvl_link"), end_s=5.0, extra=[sensor])
+    (found,) = read_bag(bag, TopicSelection(), topics_of(bag))
+    assert found.attitude[:, 0] == pytest.approx(ROLL_rad, abs=1e-6)
+
+
 @pytest.mark.parametrize("unit", [1.0, 0.01], ids=["pascal", "hectopascal"])
 def test_without_a_velocity_of_heave_the_pressure_of_the_water_gives_depths(tmp_path: Path, unit: float) -> None:
     """A BlueROV2 without a DVL: an inertial sensor, a Bar30, and the air in its hull, which the sun warms."""

@@ -299,8 +299,8 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
     tilts = NO_WAYS
     if poses and velocity.kind == IMU:
         tilts = _tilts_of_inertial(velocity, at_v, moving * signs, signs, axes.notes)
-    elif poses:
-        tilts = array(np.column_stack([tilts_of(poses[1]) * [1.0, signs[1]], np.full(len(at_v), np.nan)]))
+    elif poses and _is_estimated(angles := tilts_of(poses[1])):
+        tilts = array(np.column_stack([angles * [1.0, signs[1]], np.full(len(at_v), np.nan)]))
     wrenches, forces = _forces(wrench, velocity, signs, axes, vehicle)
     return Recording(
         source=str(bag),
@@ -362,15 +362,21 @@ def _times_within(record: Recording, sensor: Track) -> Array:
     return next((array(t) for t in times if len(t) and t[0] < record.end_s and t[-1] > record.begin_s), NO_TIMES)
 
 
+def _is_estimated(tilts: Array) -> bool:
+    """Whether roll and pitch (n, 2) ever change: many a driver leaves a constant where nobody has estimated them."""
+    known = tilts[np.isfinite(tilts).all(axis=1)]
+    return bool(len(known)) and bool(np.ptp(known, axis=0).any())
+
+
 def _tilts_of_inertial(sensor: Track, t: Array, rows: Array, signs: Array, notes: list[str]) -> Array:
     """Roll, pitch and no depth of an inertial sensor, (n, 3); (0, 3) where its orientation is not that of its rates.
 
-    Many a driver fills a constant into an orientation that nobody has estimated. One that is estimated changes by what
-    the rates add up to: over COMPARED_S for small angles, which others are not compared.
+    One that is estimated changes by what the rates add up to: over COMPARED_S for small angles, which others are not
+    compared.
     """
     tilts = tilts_of(quaternions_of(sensor)) * np.array([1.0, signs[1]])
     known = np.flatnonzero(np.isfinite(tilts).all(axis=1))
-    if len(known) < FEWEST_MESSAGES or not np.ptp(tilts[known], axis=0).any():
+    if len(known) < FEWEST_MESSAGES or not _is_estimated(tilts):
         return NO_WAYS
     upright = np.abs(tilts[known]).max(axis=1) < UPRIGHT_rad
     turned = np.concatenate([np.zeros((1, 2)), np.cumsum(np.diff(t[known])[:, None] * rows[known][1:, 3:5], axis=0)])
