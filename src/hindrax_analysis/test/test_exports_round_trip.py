@@ -265,6 +265,20 @@ def test_stonefish_resists_along_and_about_every_axis_as_its_header_says(
     assert stated < (0.05 if law == "quadratic" else 0.12)
 
 
+@pytest.mark.parametrize(("law", "exponent"), [("quadratic", 2), ("cubic", 3)])
+def test_stonefish_brakes_surge_by_sinking_as_its_header_says(
+    law: Literal["quadratic", "cubic"], exponent: int
+) -> None:
+    """Run in Stonefish 1.6, a vehicle of 1 N of weight in the water lost 2 N of thrust in surge to it."""
+    text = stonefish.write(MODEL, law)
+    surge, sink = (0.3 * MODEL.top_speed[axis] * np.eye(6)[axis] for axis in (0, 2))
+    along, across, both = (
+        stonefish_force(text, array(one), exponent) for one in (surge, 0.1 * sink, surge + 0.1 * sink)
+    )
+    assert along[0] - both[0] > 0.5 * abs(across[2])
+    assert "a drag across adds to that along, newtons to newtons" in " ".join(text.split())
+
+
 def test_stonefish_body_weighs_floats_and_turns_as_the_vehicle_does() -> None:
     body = ET.fromstring(stonefish.write(SHIFTED))
     parts = [*body.findall("external_part"), *body.findall("internal_part")]

@@ -60,6 +60,12 @@ CONVENTIONS = (
     "Internal part: mass, inertia with the added one, buoyancy. External boxes: drag. External sphere: added mass.",
 )
 
+ACROSS = (
+    "These speeds are of motion along one axis alone: in Stonefish a drag across adds to that along, newtons to"
+    " newtons. Trim the vehicle, or hold its depth."
+)
+"""It weighs the raw force F of a part, as a whole, by the sum of |F_i| C_i over |F|."""
+
 
 def write(model: ExportModel, law: Law = "cubic") -> str:
     """XML text of the dynamic element."""
@@ -109,7 +115,7 @@ def notes_of(model: ExportModel, law: Law, boxes: tuple["DragBox", "DragBox"]) -
     shallow = (
         f"Shallower than {depth_m:.2g} m the box of turning is partly out of the water: too little drag, and tilt."
     )
-    return one_sided_notes(model) + tuple(_quality(model, law, boxes)) + (shallow,)
+    return one_sided_notes(model) + tuple(_quality(model, law, boxes)) + (ACROSS, shallow)
 
 
 def whole_from_m(vehicle: Vehicle, boxes: tuple["DragBox", "DragBox"]) -> float:
