@@ -195,6 +195,7 @@ def test_who_can_read_the_supply_is_asked_before_and_after_each_flight(
     found = [step["volts"] and [*step["volts"].values()] for step in done if step["name"].startswith("legs")]
     assert found == volts
     assert not typed
+    assert said.count("legs 1: thrust is that at 16.4 V, falling to ") == (volts[0] is not None)
     # Of one cell, and no number at all.
     for refused in {"4.1", "four"} & set(lines):
         assert f"found '{refused}', wanted the volts of the supply, 11.1 to 18.5" in said

@@ -248,6 +248,8 @@ def _report(folder: Path, session: PoolSession) -> None:
     step = session.done[-1]
     if step.remark:
         print_stderr(f"{step.name}: {step.remark}")
+    if step.volts is not None:
+        print_stderr(f"{step.name}: thrust is that at {step.volts.before:g} V, falling to {step.volts.after:g} V")
     if step.reached:
         before = replace(session, done=session.done[:-1]).reached
         for motion, one in step.reached.items():
