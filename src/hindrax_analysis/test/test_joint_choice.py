@@ -13,6 +13,7 @@ from hindrax_analysis.identification.joint_identification import (
     SEVERAL,
     _before_filters,
     axes_at_once,
+    contradicted,
     filters_found,
     identify_jointly,
     lags_found,
@@ -26,10 +27,10 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.joint_assessment import JointMotion, JointResults
 from hindrax_ident.assess.objections import Code, objection
-from hindrax_ident.assess.results import MotionResult, Results
+from hindrax_ident.assess.results import DragBand, MotionResult, Number, Results
 
 T = array(np.arange(0.0, 60.0, 0.05))
-EMPTY_ANGLES = array(np.zeros((0, 3)))
+EMPTY, EMPTY_ANGLES = array(np.zeros(0)), array(np.zeros((0, 3)))
 
 
 def pushed(wrench: Array) -> Recording:
@@ -171,3 +172,33 @@ def test_nothing_of_means_is_identified_by_a_fit_of_all_that_is_asked_for(monkey
     source, vehicle = RecordSource(Path("a.csv"), pushed(sines(3))), load_vehicle(default_vehicle())
     joint = identify_jointly([source], vehicle, IdentificationTask(), against=MEAN)
     assert {name: one.reasons for name, one in joint.motions.items()} == {"surge": (MEAN,), "sway": (wrong,)}
+
+
+@pytest.mark.parametrize(
+    ("mass", "alone", "identifiable", "objects"),
+    [
+        ((26.4, 2.7), (8.8, 1.1), True, True),
+        ((26.4, 2.7), (18.5, 1.1), True, False),
+        ((3.0, 0.5), (8.8, 1.1), True, True),
+        ((26.4, 2.7), (8.8, 1.1), False, False),
+        ((26.4, 2.7), None, True, False),
+        (None, (8.8, 1.1), True, False),
+    ],
+)
+def test_a_mass_that_the_axis_by_itself_contradicts_is_not_identified(
+    mass: tuple[float, float] | None, alone: tuple[float, float] | None, identifiable: bool, objects: bool
+) -> None:
+    """A pilot's record in Stonefish had all masses up to 6.6 deviations too high by all axes together, identified."""
+
+    def number(found: tuple[float, float] | None) -> dict[str, Number]:
+        return {} if found is None else {"added_mass": Number(found[0], 0.1, found[1], unit="kg")}
+
+    drag = DragBand(EMPTY, EMPTY, EMPTY, EMPTY)
+    motions = {name: JointMotion(number(mass), drag, (), ()) for name in ("surge", "sway")}
+    joint = JointResults(motions, EMPTY_ANGLES, EMPTY_ANGLES, {}, {}, converged=True)
+    own = MotionResult("surge", "", number(alone), identifiable)
+    found = contradicted(joint, Results({"surge": own}, load_vehicle(default_vehicle()))).motions
+    assert found["sway"].reasons == ()
+    assert [one.code for one in found["surge"].reasons] == [Code.OTHER_MASS_ALONE] * objects
+    if objects and mass == (26.4, 2.7):
+        assert "is 26.4 +- 2.7 by all axes together and 8.8 +- 1.1 by this one" in str(found["surge"].reasons[0])

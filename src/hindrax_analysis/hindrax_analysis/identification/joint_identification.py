@@ -1,5 +1,6 @@
 """All axes of records at once: recordings or bags of this stack to one joint fit."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -37,6 +38,8 @@ STEP_S = 0.1
 """Sampling of the thrust for the number of axes at once."""
 ALIKE = 1.5
 """Ratio of two time constants within which a hint of one axis is that of the filter of another."""
+MOST_APART = 3.0
+"""Distance of two masses of one axis from which one of them is wrong, in deviations [-]."""
 SEVERAL = 1.3
 """Axes pushed at once from which they are fitted together. Legs have 1.0, pilots 1.7, whirls 2.3."""
 
@@ -235,6 +238,40 @@ def identify_jointly(
         if reason := miswired.get(MOTIONS[name].axis, against):
             motions[name] = replace(one, reasons=(reason,))
     return replace(found, motions=motions)
+
+
+def contradicted(joint: JointResults, alone: Results) -> JointResults:
+    """Results of all axes together, less those whose mass is another one than that of the axis by itself.
+
+    Both have the same thrust, so its gain tells them not apart. Of a pilot's record in a fluid whose drag along grows
+    with the force across, the lag of the thrust went to zero, and with it all masses to three times theirs, up to 6.6
+    deviations off; by themselves all were right.
+
+    Parameters
+    ----------
+    joint
+        Of all axes.
+    alone
+        Of the axes, one by one.
+
+    Returns
+    -------
+    JointResults
+        With an objection to each motion that is contradicted.
+    """
+    motions = dict(joint.motions)
+    for name, one in joint.motions.items():
+        own = alone.motions.get(name)
+        mass = one.coefficients.get("added_mass")
+        other = own.coefficients.get("added_mass") if own and own.identifiable else None
+        if mass is None or other is None:
+            continue
+        apart = abs(mass.value - other.value) / math.hypot(mass.std_calibrated, other.std_calibrated)
+        if apart > MOST_APART:
+            shown, beside = (measured(each.value, each.std_calibrated) for each in (mass, other))
+            reason = objection(Code.OTHER_MASS_ALONE, shown=shown, alone=beside)
+            motions[name] = replace(one, reasons=(*one.reasons, reason))
+    return replace(joint, motions=motions)
 
 
 def recording_of(events: Iterable[Stamped[IdentEvent]], source: str) -> Recording:

@@ -19,6 +19,7 @@ from hindrax_analysis.identification.bag_identification import (
 )
 from hindrax_analysis.identification.executor import add_workers, workers_of
 from hindrax_analysis.identification.joint_identification import (
+    contradicted,
     filters_found,
     identify_jointly,
     lags_found,
@@ -221,6 +222,7 @@ def identify(arguments: argparse.Namespace) -> int:
         jobs = [partial(jointly, later_s=lags_found(alone), against=mean_found(alone))] if together else []
         try:
             joint = next(workers.run(jobs), None)
+            joint = joint and contradicted(joint, alone)
         except UsageError as error:
             if arguments.joint:
                 raise
