@@ -729,7 +729,7 @@ PRIORS: dict[str, tuple[str, float, bool, float, str, bool]] = {
     "losses between thrusters and hull": (GAIN, 0.06, True, 0.16, "losses", True),
     "losses that change with the load": (MODEL, 0.03, False, 0.03, "losses", False),
     "gain of the wrench": (GAIN, 0.02, True, 1.0, "", False),
-    "inflow loss": (GAIN, 0.12, True, 0.005, "inflow", True),
+    "inflow loss": (GAIN, 0.3 / math.sqrt(3.0), True, 0.005, "inflow", True),
     "sag over the run": (GAIN, 1.2 * 0.1 / math.sqrt(3.0), False, 0.03, "", True),
     "sag under load": (MODEL, 1.2 * 0.03 / math.sqrt(3.0), False, 0.03, "", True),
     "dead bands that differ": (MODEL, 1.0, False, 0.03, "", False),

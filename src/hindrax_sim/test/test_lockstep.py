@@ -166,7 +166,7 @@ def test_a_measured_battery_takes_its_sag_out_of_the_drag_and_out_of_the_budget(
     assert assumed.drag_force(0.4)[0] / truth - 1.0 > 0.03, "the sag is there"
     # What is left of the rows afterwards depends on the flight: where the supply is not measured, legs may show it.
     for name in ("sag over the run", "sag under load"):
-        assert 0.0 < known.prior(name) < 0.2 * doubted.prior(name)
+        assert 0.0 < known.prior(name) < 0.25 * doubted.prior(name)
 
 
 def test_a_failed_thruster_is_ordered_to_the_allocator() -> None:

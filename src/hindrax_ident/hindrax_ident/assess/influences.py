@@ -45,6 +45,10 @@ DEADBAND_SIGMA = 0.5
 FILTER_SIGMA = 0.05
 """Standard deviation of the time constant of a filter that was undone, as a share of it (`fit.smoothing`) [-]."""
 INFLOW_mps, INFLOW_N = 0.5, 10.0
+INFLOW_LOSS = 0.3
+"""Greatest share of 10 N that an inflow of 0.5 m/s takes: that of a propeller of 76 mm whose K_T falls evenly to zero
+at J = 0.8; at J = 1, as of a pitch that is the diameter, 0.24, and less in the wake of the hull
+(`docs/reference/worlds.md`)."""
 SAG_S = 900.0
 LOSSES = 0.06
 """Root mean square of the share of thrust lost between thrusters and hull: mean 5 %, at most 10 %. Wash of neighbors at
@@ -538,7 +542,7 @@ INFLUENCES: tuple[Influence, ...] = (
         WEIGH_THRUST, near=NEAR_MODEL, usual_cause="losses",
     ),
     Influence(
-        "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
+        "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(INFLOW_LOSS / math.sqrt(3.0)), _inflow,
         COAST, considered=True, shown=_coasts, near=0.005, usual_cause="inflow", loss=True,
     ),
     Influence(

@@ -109,7 +109,8 @@ def _shifted(branch: Branch, by_us: float) -> Branch:
 def inflow_loss(world: Realization, size: float, _draws: NormalDraws) -> None:
     """Water that comes along a thruster's axis takes thrust: at 0.5 m/s this share of 10 N, with the root of thrust.
 
-    Size: K_T falling evenly to zero at J = 0.75: 0.15 to 0.35 for 76 mm at 50 to 10 N.
+    Size: K_T falling evenly to zero at J = 0.8 to 1 takes 0.3 to 0.24 of 10 N of a propeller of 76 mm with K_T 0.41 at
+    rest (36 N at 3100 rpm); a hull's wake and a rim drive take less.
     """
     # T = T_nn n|n| + T_nu |n| u (Fossen 2011 eq. 9.8), written with the force T_0 = T_nn n|n| at rest. So
     # T - T_0 = -c sqrt(|T_0|) u, where c loses the share `size` of 10 N at an inflow of 0.5 m/s.

@@ -67,7 +67,7 @@ _ROWS = (
     Condition("thrust_gain", "-", 0.05, thrust.thrust_gain, SIGNED, 0.02, least=-0.9, most=1.0),
     Condition("weak_thruster", "-", 0.1, thrust.weak_thruster, ONE_SIDED, 0.05, most=1.0),
     Condition("dead_bands", "us", 5.0, thrust.dead_bands, ONE_SIDED, 5.0, most=100.0),
-    Condition("inflow_loss", "-", 0.1, thrust.inflow_loss, ONE_SIDED, 0.2, most=0.5),
+    Condition("inflow_loss", "-", 0.1, thrust.inflow_loss, ONE_SIDED, 0.3, most=0.5),
     Condition("late_stops", "s", 0.1, thrust.late_stops, ONE_SIDED, 0.0, most=1.0),
     Condition("thruster_wash", "-", 0.05, thrust.thruster_wash, ONE_SIDED, 0.05, most=0.5),
     Condition("hull_wash", "-", 0.05, thrust.hull_wash, ONE_SIDED, 0.05, most=1.0),
