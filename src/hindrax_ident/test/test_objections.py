@@ -69,8 +69,9 @@ SAID = {
     "drag, acts as well: a current, the tether, or an offset of the thrust",
     objection(Code.POOR_PREDICTION, fit=0.49): "the held-out part of the run is predicted with a fit of only 49%",
     objection(Code.JOINT_NOT_CONVERGED): "the fit of all axes did not converge",
-    objection(Code.OTHER_MASS_ALONE, shown="26 +- 3", alone="8.8 +- 1.1"): "the added mass is 26 +- 3 by all axes "
-    "together and 8.8 +- 1.1 by this one: forces act that neither fit knows; fly one axis after the other",
+    objection(Code.OTHER_MASS_ALONE, motion="surge", shown="26 +- 3", alone="8.8 +- 1.1"): "the added mass of surge is "
+    "26 +- 3 by all axes together and 8.8 +- 1.1 by itself: forces act that this fit does not know; fly one axis after "
+    "the other",
     objection(Code.JOINT_UNKNOWN_DRAG, shown="12 +- 7"): "the drag at the highest speed is 12 +- 7: fly it faster or "
     "for longer",
     objection(

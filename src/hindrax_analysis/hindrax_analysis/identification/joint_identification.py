@@ -241,11 +241,11 @@ def identify_jointly(
 
 
 def contradicted(joint: JointResults, alone: Results) -> JointResults:
-    """Results of all axes together, less those whose mass is another one than that of the axis by itself.
+    """Results of all axes together, none of which is identified where the mass of one is another by its axis alone.
 
-    Both have the same thrust, so its gain tells them not apart. Of a pilot's record in a fluid whose drag along grows
-    with the force across, the lag of the thrust went to zero, and with it all masses to three times theirs, up to 6.6
-    deviations off; by themselves all were right.
+    Both have the same thrust, so its gain tells them not apart; and all masses of the one have the same delays. Of a
+    pilot's record in a fluid whose drag along grows with the force across, the lag of the thrust went to zero, and all
+    masses with it to three times theirs, up to 6.6 deviations off; by themselves all were right.
 
     Parameters
     ----------
@@ -257,9 +257,9 @@ def contradicted(joint: JointResults, alone: Results) -> JointResults:
     Returns
     -------
     JointResults
-        With an objection to each motion that is contradicted.
+        With an objection to each motion where one is contradicted, clearest first.
     """
-    motions = dict(joint.motions)
+    found = []
     for name, one in joint.motions.items():
         own = alone.motions.get(name)
         mass = one.coefficients.get("added_mass")
@@ -267,11 +267,14 @@ def contradicted(joint: JointResults, alone: Results) -> JointResults:
         if mass is None or other is None:
             continue
         apart = abs(mass.value - other.value) / math.hypot(mass.std_calibrated, other.std_calibrated)
-        if apart > MOST_APART:
-            shown, beside = (measured(each.value, each.std_calibrated) for each in (mass, other))
-            reason = objection(Code.OTHER_MASS_ALONE, shown=shown, alone=beside)
-            motions[name] = replace(one, reasons=(*one.reasons, reason))
-    return replace(joint, motions=motions)
+        shown, beside = (measured(each.value, each.std_calibrated) for each in (mass, other))
+        found.append((apart, objection(Code.OTHER_MASS_ALONE, motion=name, shown=shown, alone=beside)))
+    apart, reason = max(found, key=lambda one: one[0], default=(0.0, NO_OBJECTION))
+    if apart <= MOST_APART:
+        return joint
+    return replace(
+        joint, motions={name: replace(one, reasons=(*one.reasons, reason)) for name, one in joint.motions.items()}
+    )
 
 
 def recording_of(events: Iterable[Stamped[IdentEvent]], source: str) -> Recording:

@@ -144,8 +144,8 @@ SENTENCES: Mapping[Code, str] = {
     "look smoothed; record them as the instrument gives them, or give the lag of the thrusters in the vehicle file",
     Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust{where}: check the "
     "direction of each thruster, and the vehicle file",
-    Code.OTHER_MASS_ALONE: "the added mass is {shown} by all axes together and {alone} by this one: forces act that "
-    "neither fit knows; fly one axis after the other",
+    Code.OTHER_MASS_ALONE: "the added mass of {motion} is {shown} by all axes together and {alone} by itself: forces "
+    "act that this fit does not know; fly one axis after the other",
     Code.WRONG_THRUSTERS: "{what}, against the vehicle file: the thrust then explains {after:.0%} of the changes of "
     "{axis}, not {before:.0%}; {remedy}",
     Code.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench, and the axes of both",
