@@ -302,7 +302,8 @@ class Vehicle:
     )
     projected_areas_m2: Vec3 | None = knob(None, 1e-4, 2500.0, "seen along x, y, z; for estimates from geometry [m^2]")
     losses: bool = knob(
-        True, meaning="water, supply and tether take thrust that no curve has; false: none do, as in a simulator"
+        True,
+        meaning="water, supply and tether take thrust that no curve has; false: a simulator, with thrusters alike",
     )
     water: Water = field(default_factory=Water)
     pool: Pool = field(default_factory=Pool)

@@ -206,7 +206,10 @@ def test_a_plant_without_losses_is_not_corrected_for_any(flown: AxisFit) -> None
     """Such as a simulator: its raw fit was right to a percent, and reported 10 to 29 % too low."""
     simulated = replace(flown, vehicle=replace(flown.vehicle, losses=False))
     named = [{row.name for row, _ in acting(one)} for one in (flown, simulated)]
-    assert named[0] - named[1] == {row.name for row in INFLUENCES if row.loss}
+    # Its thrusters are alike as well: dead bands of a SITL, which has none, took 3 to 5 % off a yaw that was right.
+    alike = {row.name for row in INFLUENCES if row.of_each}
+    assert alike == {"dead bands that differ", "differences between idle thrusters"}
+    assert named[0] - named[1] == {row.name for row in INFLUENCES if row.loss} | alike
     (load,) = (
         replace(row, sigma=lambda _: 0.03) for row in INFLUENCES if row.name == "losses that change with the load"
     )

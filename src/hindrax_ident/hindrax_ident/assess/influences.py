@@ -105,6 +105,7 @@ class Influence:
     `usual_cause`: a cause whose rows may be as in usual water while all others are as near the model; "" has none.
     `loss`: it acts in one direction, the positive one, as losses of thrust do: all of them add up.
     `common`: the motions of a run share it, but for this deviation in `unit`, as lags of the same thrusters; 0: not.
+    `of_each`: thrusters of a kind differ by it, as they are made.
     `or_else`: what is no row and leaves the same in a record of a case: named with it, since no record tells which.
     """
 
@@ -124,6 +125,7 @@ class Influence:
     loss: bool = False
     common: float = 0.0
     or_else: Callable[[AxisFit], str] = lambda _case: ""
+    of_each: bool = False
 
     def __reduce__(self) -> "tuple[Callable[[str], Influence], tuple[str]]":
         """By its name, as results of other processes come: the functions of a row cannot be pickled."""
@@ -550,7 +552,7 @@ INFLUENCES: tuple[Influence, ...] = (
         lambda case: 0.06 if _idle(case) > 0.0 else 0.0,
         _idle_differences,
         Remedy("measure each thruster near its dead band, or lower `allocation.idle_bias_N`", THRUSTER_SWEEP),
-        considered=True, near=0.37,
+        considered=True, near=0.37, of_each=True,
     ),
     Influence(
         "sag over the run", "in 15 min", GAIN, _sag(SAG, Supply.AT_REST), _drift,
@@ -563,7 +565,7 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "dead bands that differ", "sigma", MODEL, _always(1.0), _edges,
-        Remedy("measure the pulse at which each thruster starts", THRUSTER_SWEEP), near=NEAR_MODEL,
+        Remedy("measure the pulse at which each thruster starts", THRUSTER_SWEEP), near=NEAR_MODEL, of_each=True,
     ),
     Influence(
         "dead band of the thrust", "sigma", MODEL,
@@ -709,7 +711,8 @@ INFLUENCES: tuple[Influence, ...] = (
 
 def acting(case: AxisFit, rows: Sequence[Influence] = INFLUENCES) -> list[tuple[Influence, float]]:
     """Rows that can act on a case, with their prior standard deviations in their units."""
-    # What changes a loss goes with it: a plant without losses has none that change with the load.
-    there = (row for row in rows if case.vehicle.losses or not (row.loss or row.usual_cause == "losses"))
+    # What changes a loss goes with it: a plant without losses has none that change with the load. A simulator's
+    # thrusters are all alike, too.
+    there = (row for row in rows if case.vehicle.losses or not (row.loss or row.usual_cause == "losses" or row.of_each))
     known = [(row, row.sigma(case)) for row in there]
     return [(row, sigma) for row, sigma in known if sigma > 0.0 and math.isfinite(sigma)]
