@@ -10,7 +10,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 from hindrax_ident.arrays import Array
 
@@ -67,6 +66,8 @@ def color_backward(a: Array, x: Array) -> Array:
         return x
     # One forward substitution; `lfilter` is the same, and its import takes longer than the fit of a record.
     bands = np.repeat(np.concatenate([[1.0], -a])[:, None], len(x), axis=1)
+    from scipy.linalg.lapack import dtbtrs  # noqa: PLC0415  # slow, and the live estimate does without
+
     solved, _ = dtbtrs(bands, x[::-1], uplo="L", diag="U")
     return np.asarray(solved[::-1])
 

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.noise_likelihood import disturbance_profile
@@ -32,6 +31,8 @@ def common_noise(fits: Mapping[int, OutputErrorFit]) -> dict[int, Noise]:
     tried = array(np.geomspace(min(found) / SEARCH_FACTOR, max(found) * SEARCH_FACTOR, POINTS))
     chains = {axis: error_dynamics_of(fit.problem, fit.theta, fit.linear.path) for axis, fit in fits.items()}
     profiles = {axis: disturbance_profile(chains[axis], fit.linear.raw, fit.noise, tried) for axis, fit in fits.items()}
+    from scipy.special import chdtri  # noqa: PLC0415  # slow, and the live estimate does without
+
     limit = float(chdtri(1, CHANCE_OF_EXCLUSION))
     while len(profiles) > 1:
         total = np.sum([cost for cost, _ in profiles.values()], axis=0)

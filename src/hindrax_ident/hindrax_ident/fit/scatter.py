@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtri
 
 from hindrax_ident.arrays import Array
 
@@ -44,6 +43,8 @@ def scatter_inflation(gradients: Array, informations: Sequence[Array], inverse: 
     # Blocks with little information on a parameter add few degrees of freedom to its scatter.
     shares = np.array([np.diag(inverse @ information @ inverse) for information in informations])
     freedom = np.maximum(1.0, _ratio(shares.sum(axis=0) ** 2, np.sum(shares**2, axis=0)) - 1.0)
+    from scipy.special import chdtri  # noqa: PLC0415  # slow, and the live estimate does without
+
     limit = chdtri(freedom, 1.0 - LIMIT_QUANTILE) / freedom
     return np.where(ratio > limit, np.sqrt(ratio), 1.0)
 

@@ -22,7 +22,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 from hindrax_ident.arrays import Array, Flags, Index, array
 from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S
@@ -225,5 +224,7 @@ def _predicted(chain: ErrorDynamics, A: Array, K: Array, table: Array) -> Array:
         for j in range(3):
             bands[3 + i - j, j : 3 * n - 3 : 3] = -moved[:, i, j]
     # Of a triangle with ones on its diagonal: a general banded solver would factor it first, in six times the time.
+    from scipy.linalg.lapack import dtbtrs  # noqa: PLC0415  # slow, and the live estimate does without
+
     states, _ = dtbtrs(bands, drive.reshape(3 * n, m), uplo="L", diag="U")
     return array(states.reshape(n, 3, m)[np.arange(n), chain.channel])

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 from hindrax_ident.arrays import Array, Flags, Index, array
 from hindrax_ident.model.motion_model import Model
@@ -244,6 +243,8 @@ def _solve(jacobian: tuple[Array, Array], right: Array) -> Array:
     bands, share = jacobian
     moved = right.copy()
     moved[:, 0] -= share.reshape(-1, *[1] * (right.ndim - 2)) * right[:, 1]
+    from scipy.linalg.lapack import dtbtrs  # noqa: PLC0415  # slow, and the live estimate does without
+
     solved, zero_at = dtbtrs(bands, moved.reshape(2 * len(right), -1), uplo="L")
     if zero_at:
         raise np.linalg.LinAlgError("singular")

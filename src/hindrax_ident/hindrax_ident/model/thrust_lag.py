@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas
 
 from hindrax_ident.arrays import Array, Index
 
@@ -199,4 +198,6 @@ def _recursion(kept: Array, driven: Array) -> Array:
     # One forward substitution, with -d below a diagonal of ones.
     bands = np.zeros((2, len(driven)), order="F")
     bands[1, :-1] = -kept
+    from scipy.linalg import blas  # noqa: PLC0415  # slow, and the live estimate does without
+
     return np.asarray(blas.dtbsv(1, bands, driven, lower=1, diag=1))
