@@ -1,5 +1,7 @@
 """Files of text that are whole or as they were, and the question beforehand whether one can be written."""
 
+from __future__ import annotations
+
 import contextlib
 import errno
 import os

@@ -125,7 +125,9 @@ def session_trial(seed: int, motions: tuple[str, ...], vehicle_file: str, world:
         read, volts = step, None
         if not vehicle.measuring("supply"):
             volts = RestVolts(*rest_volts(vehicle, world, seed, step.seconds))
-            read = replace(step, volts=volts, gain=step.gain and gain_at_rest_volts(step.gain, vehicle, volts))
+            found = step.gain
+            gain = None if found is None else gain_at_rest_volts(found, vehicle, volts)
+            read = replace(step, volts=volts, gain=gain)
         if volts is not None and step.kind == LEGS:
             if len(flights) == 1:  # what the reading buys shows here best: all other steps are still to come
                 session = replace(session, done=(replace(step, reached=_reached(_joint(heard, vehicle))),))

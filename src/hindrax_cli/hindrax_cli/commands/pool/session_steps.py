@@ -197,7 +197,9 @@ class StackStepRunner:
 
     def _at_its_supply(self, gain: AxisGain | None) -> AxisGain | None:
         """A gain that was weighed with the thrust of the nominal voltage, at that of the last flight."""
-        return gain and gain_at_rest_volts(gain, self.vehicle, self._volts) if self._volts else gain
+        if gain is None or self._volts is None:
+            return gain
+        return gain_at_rest_volts(gain, self.vehicle, self._volts)
 
     def thrusters(self, folder: Path, _session: PoolSession) -> tuple[float, str]:
         """Commission the vehicle: a thruster that is fouled, dead or exchanged since spoils every leg.
