@@ -117,10 +117,8 @@ def fork(
     ForkedProcess
         In a group of its own; this process must have no threads that a fork would have to copy.
     """
-    gc.disable()  # what is imported stays: a tenth of the time would be looking for garbage in it
     with contextlib.suppress(Exception):  # it is imported again where its log is
         importlib.import_module(module)
-    gc.enable()
     here = inspect.currentframe()
     assert here is not None
     inspect.getframeinfo(here)  # looks up the files of all modules, which every process would do (`spin`)

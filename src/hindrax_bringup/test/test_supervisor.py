@@ -288,13 +288,6 @@ def test_a_process_ends_with_the_code_of_its_main(
     sys.modules.pop("fuses", None)
 
 
-def test_a_process_collects_its_garbage(supervisor: Supervisor, tmp_path: Path) -> None:
-    """A fork has what its parent had set while it imported."""
-    (tmp_path / "fuses.py").write_text("import gc\ndef main(): return int(not gc.isenabled())\n")
-    assert supervisor.start(Process("fuses", ())).handle.wait(PATIENT_S) == 0
-    sys.modules.pop("fuses", None)
-
-
 def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(
     supervisor: Supervisor, capsys: pytest.CaptureFixture[str]
 ) -> None:
