@@ -53,6 +53,8 @@ def test_what_a_sensor_measured_and_what_has_no_thrusters_stays(vehicle: Vehicle
     bare = [Stamped(stamp_from_s(3.0), Thrust((1.0,) * 6))]
     assert list(at_rest_volts([*measured, *bare], vehicle, VOLTS)) == [*measured, *bare]
     assert not list(at_rest_volts([], vehicle, VOLTS))
+    assumed = flown(vehicle, (1.0, 2.0))
+    assert list(at_rest_volts(assumed, vehicle, None)) == assumed, "nobody read it"
 
 
 def test_a_single_thrust_is_at_the_first_voltage(vehicle: Vehicle) -> None:

@@ -19,6 +19,7 @@ from hindrax_analysis.coefficients_file import (
     read_coefficients,
 )
 from hindrax_analysis.correction import what_was_corrected
+from hindrax_analysis.identification.supply_at_rest import RestVolts, at_rest_volts
 from hindrax_analysis.identification.verdict import REJECTED, marked, shared, show_reasons, show_verdicts
 from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.records.own_bag import (
@@ -110,6 +111,7 @@ def identify_bag(
     mock: bool = False,
     tuning: Tuning | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    volts: RestVolts | None = None,
 ) -> Identified:
     """Run the session over a bag of this stack.
 
@@ -125,6 +127,8 @@ def identify_bag(
         Of the session; None: defaults.
     progress
         Called with a sentence about what begins.
+    volts
+        Supply at rest before and after it, where a person read it.
 
     Returns
     -------
@@ -136,7 +140,8 @@ def identify_bag(
     progress(f"reading the bag{how}")
     session = Session(vehicle, tuning, every_s=math.inf)
     origin: Stamp | None = None
-    for event in bag_events(bag, vehicle, tuning, thrust_anew=thrust_anew):
+    flown = bag_events(bag, vehicle, tuning, thrust_anew=thrust_anew)
+    for event in at_rest_volts(flown, vehicle, volts):
         origin = event.stamp if origin is None else min(origin, event.stamp)
         session.step(event)
     outcome = session.finalize(progress)

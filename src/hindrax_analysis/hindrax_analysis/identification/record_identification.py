@@ -299,8 +299,9 @@ def _identify(
     workers: Workers = HERE,
 ) -> Identified:
     axes, span = task.axes or tuple(range(6)), task.span
-    if len(sources) == 1 and sources[0].recording is None and sources[0].volts is None and span.whole:
-        found = identify_bag(sources[0].path, vehicle, mock=sources[0].mock, tuning=task.tuning, progress=progress)
+    if len(sources) == 1 and sources[0].recording is None and span.whole:
+        (one,) = sources
+        found = identify_bag(one.path, vehicle, mock=one.mock, tuning=task.tuning, progress=progress, volts=one.volts)
         return _with_axes_only(found, axes)
     ours = _own(sources)
     if ours:
@@ -374,12 +375,8 @@ def _with_axes_only(identified: Identified, axes: Sequence[int]) -> Identified:
 
 
 def _own_events(sources: Sequence[RecordSource], vehicle: Vehicle, span: Span) -> Iterator[Stamped[IdentEvent]]:
-    return events_apart([_own_record(source, vehicle) for source in sources], span)
-
-
-def _own_record(source: RecordSource, vehicle: Vehicle) -> Iterator[Stamped[IdentEvent]]:
-    found = bag_events(source.path, vehicle)
-    return found if source.volts is None else at_rest_volts(found, vehicle, source.volts)
+    flown = [at_rest_volts(bag_events(source.path, vehicle), vehicle, source.volts) for source in sources]
+    return events_apart(flown, span)
 
 
 def events_apart(

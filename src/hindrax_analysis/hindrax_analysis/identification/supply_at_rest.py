@@ -29,7 +29,7 @@ class RestVolts:
 
 
 def at_rest_volts(
-    events: Iterable[Stamped[IdentEvent]], vehicle: Vehicle, volts: RestVolts
+    events: Iterable[Stamped[IdentEvent]], vehicle: Vehicle, volts: RestVolts | None
 ) -> Iterator[Stamped[IdentEvent]]:
     """Events of a flight with its thrust at the voltage of the moment, which falls evenly from one reading to the next.
 
@@ -40,13 +40,16 @@ def at_rest_volts(
     vehicle
         Whose curves and nominal voltage made the thrust.
     volts
-        As they were read.
+        As they were read; None: nobody did, and all stays as it is.
 
     Yields
     ------
     Stamped[IdentEvent]
         The same events; forces of thrusters are those of the same pulses at the other voltage.
     """
+    if volts is None:
+        yield from events
+        return
     flown = list(events)
     lasted_s = seconds_between(flown[0].stamp, flown[-1].stamp) if flown else 0.0
     wrench = AppliedWrench(vehicle).wrench
